@@ -1,0 +1,164 @@
+"""Where a camera stands and looks: rotations (3) to (6) and the two readings of P_C."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from depthwarp.checks import check_choice, check_finite_vector
+from depthwarp.errors import InputError
+
+__all__ = ["OPTICAL_FROM_CAMERA", "Pose", "PositionFrame", "rotation_camera_from_world"]
+
+Float64Array = npt.NDArray[np.float64]
+PositionFrame = Literal["world", "rotated"]
+Vector3 = tuple[float, float, float]
+Matrix3 = tuple[Vector3, Vector3, Vector3]
+
+OPTICAL_FROM_CAMERA: Float64Array = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+"""Camera axes (X forward, Y left, Z up) to OpenCV's optical axes (X right, Y down, Z forward)."""
+
+MAX_ROTATION_ERROR = 1e-4
+"""Largest entry of R R^T - I that is taken as rounding of a rotation matrix written to a file."""
+
+
+def rotation_camera_from_world(orientation: Sequence[float]) -> Float64Array:
+    """The passive rotation `Rx(alpha) @ Ry(beta) @ Rz(gamma)` of equations (4), (5), (6).
+
+    Args:
+        orientation: (alpha, beta, gamma) = (roll, pitch, yaw) about X, Y, Z [degrees].
+
+    Returns:
+        Rotation from world to camera axes, shape (3, 3), float64.
+    """
+    alpha, beta, gamma = (
+        math.radians(a) for a in check_finite_vector("orientation", orientation, 3)
+    )
+    ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
+    cg, sg = math.cos(gamma), math.sin(gamma)
+    rotation_x = np.array([[1, 0, 0], [0, ca, sa], [0, -sa, ca]])
+    rotation_y = np.array([[cb, 0, -sb], [0, 1, 0], [sb, 0, cb]])
+    rotation_z = np.array([[cg, sg, 0], [-sg, cg, 0], [0, 0, 1]])
+    rotation: Float64Array = rotation_x @ rotation_y @ rotation_z
+    return rotation
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A rigid pose: `p_camera = camera_from_world @ (p_world - position) - shift`.
+
+    Attributes:
+        camera_from_world: Rotation, 3 x 3, row-major; camera axes are X forward, Y left, Z up.
+        position: Subtracted in the world frame, before the rotation [m].
+        shift: Subtracted in the rotated frame, after the rotation [m]. One of the two is zero in
+            every pose that depthwarp builds; both exist because the paper shifts after rotating.
+    """
+
+    camera_from_world: Matrix3
+    position: Vector3
+    shift: Vector3 = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def from_orientation(
+        cls,
+        position: Sequence[float],
+        orientation: Sequence[float],
+        position_frame: PositionFrame = "world",
+    ) -> Pose:
+        """Pose of the paper's parameters P_C and C_O.
+
+        Args:
+            position: P_C [m].
+            orientation: C_O = (alpha, beta, gamma) about X, Y, Z [degrees], see
+                `rotation_camera_from_world`.
+            position_frame: `"world"`: P_C is a point of the cloud's frame. `"rotated"`: the paper's
+                own reading, the cloud is rotated about the origin and P_C is a point of the
+                rotated frame.
+
+        Raises:
+            InputError: A number that is not finite, or an unknown frame.
+        """
+        check_choice("position_frame", position_frame, ("world", "rotated"))
+        rotation = _matrix3(rotation_camera_from_world(orientation))
+        point = _vector3(check_finite_vector("position", position, 3))
+        if position_frame == "world":
+            return cls(rotation, position=point)
+        return cls(rotation, position=(0.0, 0.0, 0.0), shift=point)
+
+    @classmethod
+    def from_optical(cls, optical_from_world: npt.ArrayLike) -> Pose:
+        """Pose of a 4 x 4 matrix that maps world points to OpenCV's optical axes.
+
+        Args:
+            optical_from_world: Shape (4, 4), column vectors, rotation and translation [m].
+
+        Raises:
+            InputError: Wrong shape, not finite, or the upper 3 x 3 is not a rotation (the message
+                says by how much).
+        """
+        transform = np.asarray(optical_from_world, dtype=np.float64)
+        if transform.shape != (4, 4) or not np.isfinite(transform).all():
+            raise InputError(
+                f"optical_from_world must be a finite 4 x 4 matrix, got shape {transform.shape}"
+            )
+        if not np.allclose(transform[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
+            raise InputError(
+                f"optical_from_world must end in the row (0, 0, 0, 1), got {tuple(transform[3])}; "
+                "a matrix for row vectors has to be transposed"
+            )
+        rotation = transform[:3, :3]
+        error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        if error > MAX_ROTATION_ERROR or np.linalg.det(rotation) < 0:
+            raise InputError(
+                "optical_from_world: the upper 3 x 3 is not a rotation "
+                f"(R R^T differs from the identity by {error:.3g}, "
+                f"determinant {np.linalg.det(rotation):.6g})"
+            )
+        position = -rotation.T @ transform[:3, 3]
+        return cls(_matrix3(OPTICAL_FROM_CAMERA.T @ rotation), _vector3(position))
+
+    @property
+    def rotation(self) -> Float64Array:
+        """`camera_from_world` as an array, shape (3, 3), float64."""
+        return np.array(self.camera_from_world)
+
+    @property
+    def center_world(self) -> Float64Array:
+        """The camera's centre in the world frame [m], shape (3,), float64."""
+        center: Float64Array = np.array(self.position) + self.rotation.T @ np.array(self.shift)
+        return center
+
+    @property
+    def optical_from_world(self) -> Float64Array:
+        """World to OpenCV's optical axes, shape (4, 4), column vectors, float64."""
+        transform = np.eye(4)
+        transform[:3, :3] = OPTICAL_FROM_CAMERA @ self.rotation
+        transform[:3, 3] = -transform[:3, :3] @ self.center_world
+        return transform
+
+    def to_camera(self, points_world: npt.NDArray[np.floating]) -> Float64Array:
+        """World points in the camera frame, float64.
+
+        Args:
+            points_world: Points [m], shape (N, 3).
+
+        Returns:
+            Points in the camera frame (X forward, Y left, Z up) [m], shape (N, 3).
+        """
+        offset = points_world.astype(np.float64) - np.array(self.position)
+        camera: Float64Array = offset @ self.rotation.T - np.array(self.shift)
+        return camera
+
+
+def _vector3(values: Sequence[float] | Float64Array) -> Vector3:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _matrix3(matrix: Float64Array) -> Matrix3:
+    return _vector3(matrix[0]), _vector3(matrix[1]), _vector3(matrix[2])

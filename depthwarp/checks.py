@@ -1,0 +1,76 @@
+"""Checks of scalar arguments, one message shape for all: name, expected, got."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TypeVar
+
+from depthwarp.errors import InputError
+
+__all__ = [
+    "MAX_SIDE",
+    "check_choice",
+    "check_finite_vector",
+    "check_fov",
+    "check_positive",
+    "check_size",
+    "check_window",
+]
+
+MAX_SIDE = 1 << 20
+"""Longest image side [px]: far below 2^23, where float32 pixel coordinates stop being exact."""
+
+Choice = TypeVar("Choice", bound=str)
+
+
+def check_positive(name: str, value: float, unit: str = "") -> float:
+    """Return `value` if it is a finite number above zero."""
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(
+            f"{name} must be a finite number above 0{unit and ' ' + unit}, got {value}"
+        )
+    return float(value)
+
+
+def check_finite_vector(name: str, values: Sequence[float], length: int) -> tuple[float, ...]:
+    """Return `values` as a tuple of `length` finite floats."""
+    vector = tuple(float(value) for value in values)
+    if len(vector) != length or not all(math.isfinite(value) for value in vector):
+        raise InputError(f"{name} must be {length} finite numbers, got {vector}")
+    return vector
+
+
+def check_fov(fov: Sequence[float]) -> tuple[float, float]:
+    """Return (horizontal, vertical) field of view [degrees], each strictly between 0 and 180."""
+    horizontal, vertical = check_finite_vector("fov", fov, 2)
+    for name, angle in (("horizontal", horizontal), ("vertical", vertical)):
+        if not 0.0 < angle < 180.0:
+            raise InputError(
+                f"fov: the {name} angle must be above 0 and below 180 degrees, got {angle}"
+            )
+    return horizontal, vertical
+
+
+def check_size(size: Sequence[int]) -> tuple[int, int]:
+    """Return an image size (width, height) [px] of whole numbers from 1 to `MAX_SIDE`."""
+    if len(size) != 2 or any(side != int(side) for side in size):
+        raise InputError(f"size must be two whole numbers (width, height), got {tuple(size)}")
+    width, height = int(size[0]), int(size[1])
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise InputError(f"size must be from 1 to {MAX_SIDE} pixels a side, got {width} x {height}")
+    return width, height
+
+
+def check_window(name: str, side: int) -> int:
+    """Return the side of a square window [px], a whole number from 1 to `MAX_SIDE`."""
+    if side != int(side) or not 1 <= side <= MAX_SIDE:
+        raise InputError(f"{name} must be a whole number from 1 to {MAX_SIDE} pixels, got {side}")
+    return int(side)
+
+
+def check_choice(name: str, value: Choice, choices: Sequence[Choice]) -> Choice:
+    """Return `value` if it is one of `choices`."""
+    if value not in choices:
+        raise InputError(f"{name} must be one of {', '.join(map(repr, choices))}, got {value!r}")
+    return value

@@ -1,0 +1,51 @@
+"""Chains of filters, and running them on a finished depth map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy.typing as npt
+import warp as wp
+
+from depthwarp.depth_map import DepthMap
+from depthwarp.devices import resolve_device
+from depthwarp.filters.dilation import dilate
+from depthwarp.filters.hidden import remove_hidden
+from depthwarp.filters.maps import DeviceMaps, Filter
+
+__all__ = ["apply", "paper"]
+
+
+def paper() -> tuple[Filter, ...]:
+    """The paper's chain: erase in a window of 10 px at 0.5 m, then dilation by 10 px."""
+    return remove_hidden("paper", side=10, threshold=0.5), dilate("paper", side=10)
+
+
+def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None = None) -> DepthMap:
+    """A new depth map with filters applied in order; the given one is not changed.
+
+    Args:
+        depth_map: The map to filter.
+        filters: A chain such as `paper()`.
+        device: Where to compute; None is Warp's default device.
+    """
+    target = resolve_device(device)
+
+    def upload(values: npt.NDArray[Any], dtype: Any) -> Any:
+        return wp.array(values[None], dtype=dtype, device=target)  # a copy, also on the CPU
+
+    maps = DeviceMaps(
+        depth=upload(depth_map.depth, wp.float32),
+        index=upload(depth_map.index, wp.int32),
+        state=upload(depth_map.state, wp.uint8),
+    )
+    for step in filters:
+        step.build(maps)()
+    return replace(
+        depth_map,
+        depth=maps.depth.numpy()[0],
+        index=maps.index.numpy()[0],
+        state=maps.state.numpy()[0],
+    )

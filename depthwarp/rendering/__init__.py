@@ -1,0 +1,7 @@
+"""Rendering: clouds into depth maps."""
+
+from depthwarp.rendering.config import RenderConfig
+from depthwarp.rendering.plan import RenderPlan, ViewPlan
+from depthwarp.rendering.render import render
+
+__all__ = ["RenderConfig", "RenderPlan", "ViewPlan", "render"]

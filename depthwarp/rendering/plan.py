@@ -1,0 +1,163 @@
+"""A rendering plan: buffers for a set of views, and the launches that fill them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from depthwarp import arrays
+from depthwarp.cameras import PinholeCamera
+from depthwarp.depth_map import DepthMap, RenderStats
+from depthwarp.devices import check_memory
+from depthwarp.errors import InputError
+from depthwarp.filters import DeviceMaps
+from depthwarp.rendering.config import RenderConfig
+from depthwarp_kernels import splat
+from depthwarp_kernels.view import View
+
+__all__ = ["RenderPlan", "ViewPlan"]
+
+MAP_BYTES = 8 + 4 + 4 + 1  # a pixel: key, depth, index, state
+
+
+@dataclass(frozen=True)
+class ViewPlan:
+    """One view: its camera and, where the paper's segmentation selects the points, its rectangles.
+
+    Attributes:
+        camera: Pose and lens.
+        line_count: Number of rectangles N_L of (8)(9); 0 without segmentation.
+        steps: Growth of the rectangles (7) [m].
+    """
+
+    camera: PinholeCamera
+    line_count: int = 0
+    steps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class RenderPlan:
+    """Owns the buffers of V views of one size; `render` draws a cloud into them.
+
+    Args:
+        views: What to render, all of one image size, all with or all without segmentation.
+        config: Depth kind, bounds and filters.
+        device: Warp device.
+
+    Raises:
+        InputError: Views of different sizes, or none.
+        CapacityError: The buffers do not fit the device.
+    """
+
+    def __init__(self, views: Sequence[ViewPlan], config: RenderConfig, device: Any) -> None:
+        if len({view.camera.size for view in views}) != 1:
+            raise InputError("views must be at least one, and all of one image size")
+        self._cameras = [view.camera for view in views]
+        self._config = config
+        self._device = device
+        self._splat = splat.splat_kernel(
+            splat.SplatConfig(depth=config.depth, range_view=views[0].line_count > 0)
+        )
+        width, height = self._cameras[0].size
+        shape = (len(views), height, width)
+        scratch = sum(step.scratch_bytes for step in config.filters)
+        check_memory(
+            f"a depth map of {width} x {height} pixels",
+            len(views) * height * width * (MAP_BYTES + scratch),
+            device,
+            "choose a smaller size, or a larger q_depth_map",
+        )
+        self._views: Any = wp.array(
+            [_view_struct(view, config) for view in views], dtype=View, device=device
+        )
+        self._keys = arrays.empty(shape, wp.uint64, device)
+        self._counts = arrays.empty((len(views), splat.COUNT_COLUMNS), wp.int64, device)
+        self._maps = DeviceMaps(
+            depth=arrays.empty(shape, wp.float32, device),
+            index=arrays.empty(shape, wp.int32, device),
+            state=arrays.empty(shape, wp.uint8, device),
+        )
+        self._filters = [step.build(self._maps) for step in config.filters]
+        self._total = 0
+
+    def render(self, points_world: Any) -> None:
+        """Draw a cloud into all views.
+
+        Allocates nothing and does not synchronize: graph-capture safe once its kernels are loaded.
+
+        Args:
+            points_world: Points [m], `wp.array` of `wp.vec3f`, shape (N,), on the plan's device.
+        """
+        views, points = len(self._cameras), points_world.shape[0]
+        maps = self._maps
+        self._keys.fill_(splat.EMPTY_KEY)
+        self._counts.zero_()
+        wp.launch(
+            self._splat,
+            dim=(views, points),
+            inputs=[self._views, points_world],
+            outputs=[self._keys, self._counts],
+            device=self._device,
+        )
+        wp.launch(
+            splat.resolve,
+            dim=self._keys.shape,
+            inputs=[self._keys],
+            outputs=[maps.depth, maps.index, maps.state, self._counts],
+            device=self._device,
+        )
+        for step in self._filters:
+            step()
+        self._total = points
+
+    def depth_maps(self) -> list[DepthMap]:
+        """The maps of the last `render`, copied to the host; waits for the device."""
+        depth, index, state = (
+            array.numpy().copy() for array in (self._maps.depth, self._maps.index, self._maps.state)
+        )
+        counts = self._counts.numpy()
+        return [
+            DepthMap(
+                depth=depth[v],
+                index=index[v],
+                state=state[v],
+                camera=camera,
+                kind=self._config.depth,
+                min_range=self._config.min_range,
+                max_range=self._config.max_range,
+                stats=_stats(self._total, counts[v]),
+            )
+            for v, camera in enumerate(self._cameras)
+        ]
+
+
+def _view_struct(plan: ViewPlan, config: RenderConfig) -> Any:
+    camera, pose = plan.camera, plan.camera.pose
+    view: Any = View()
+    view.rotation = wp.mat33f(*pose.rotation.ravel().tolist())
+    view.position = wp.vec3f(*pose.position)
+    view.shift = wp.vec3f(*pose.shift)
+    view.fx, view.fy, view.cx, view.cy = camera.fx, camera.fy, camera.cx, camera.cy
+    view.width, view.height = camera.size
+    view.min_range, view.max_range = config.min_range, config.max_range
+    view.line_count = plan.line_count
+    view.steps = wp.vec3f(*plan.steps)
+    return view
+
+
+def _stats(total: int, counts: np.ndarray[Any, np.dtype[np.int64]]) -> RenderStats:
+    not_finite, behind, outside, too_far, too_near, drawn = (int(count) for count in counts)
+    dropped = not_finite + behind + outside + too_far + too_near
+    return RenderStats(
+        total=total,
+        not_finite=not_finite,
+        behind=behind,
+        outside=outside,
+        too_far=too_far,
+        too_near=too_near,
+        hidden=total - dropped - drawn,
+        drawn=drawn,
+    )

@@ -1,0 +1,178 @@
+"""Writing and reading depth maps; the suffix chooses the format."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import depthwarp
+from depthwarp.cameras import PinholeCamera, Pose
+from depthwarp.depth_map import DepthMap, RenderStats, State
+from depthwarp.encodings import EncodingName, encode_depth, get_encoding
+from depthwarp.errors import FileFormatError, InputError, MissingExtraError
+from depthwarp.io.atomic import atomic_path
+
+__all__ = ["load_depth_map", "save_depth_map"]
+
+SUFFIXES = (".png", ".tiff", ".tif", ".exr", ".npz")
+
+
+def save_depth_map(
+    depth_map: DepthMap, path: str | os.PathLike[str], encoding: EncodingName | None = None
+) -> None:
+    """Write a depth map, and for an image the file that says how to read it; see `DepthMap.save`.
+
+    Raises:
+        InputError: An unknown suffix or encoding, a depth that the encoding cannot hold, or a file
+            that cannot be written.
+        MissingExtraError: `.exr` without the package OpenEXR.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"cannot write {path}: suffix must be one of {', '.join(SUFFIXES)}")
+    if encoding is not None and suffix != ".png":
+        raise InputError(f"cannot write {path}: encoding is for .png, {suffix} is float32 metres")
+    if suffix == ".npz":
+        with atomic_path(path) as temporary:
+            _write_npz(temporary, depth_map)
+        return
+    if suffix == ".png":
+        write, meaning = _png_writer(depth_map, encoding or "range16")
+    else:
+        write, meaning = _float_writer(depth_map, suffix)
+    description = json.dumps(_describe(depth_map) | meaning, indent=2) + "\n"
+    # Both files are complete before either gets its name.
+    with ExitStack() as files:
+        sidecar = files.enter_context(atomic_path(path.with_suffix(".json")))
+        image = files.enter_context(atomic_path(path))
+        write(image)
+        sidecar.write_text(description)
+
+
+def load_depth_map(path: str | os.PathLike[str]) -> DepthMap:
+    """Read a depth map's NPZ.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        FileFormatError: The file is not a depth map's NPZ.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            about = json.loads(str(arrays["about"]))
+            return DepthMap(
+                depth=arrays["depth"],
+                index=arrays["index"],
+                state=arrays["state"],
+                camera=_camera_from_dict(json.loads(str(arrays["camera"]))),
+                kind=about["depth_kind"],
+                min_range=float(about["min_range_m"]),
+                max_range=float(about["max_range_m"]),
+                stats=RenderStats(**about["counts"]),
+            )
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"{path}: there is no such file; check the name") from error
+    except (KeyError, ValueError, TypeError, zipfile.BadZipFile, EOFError) as error:
+        raise FileFormatError(
+            f"{path} is not a depth map's NPZ ({error}): write it with DepthMap.save"
+        ) from error
+
+
+def _png_writer(
+    depth_map: DepthMap, name: EncodingName
+) -> tuple[Callable[[Path], None], dict[str, Any]]:
+    encoding = get_encoding(name, depth_map.max_range)
+    values = encode_depth(depth_map.depth, encoding)
+    meaning = {
+        "encoding": name,
+        "dtype": "uint16",
+        "depth_m": f"value / {encoding.factor:g} * {encoding.divisor:g}",
+        "metres_per_unit": encoding.divisor / encoding.factor,
+    }
+    return lambda file: _write_image(file, values), meaning
+
+
+def _float_writer(
+    depth_map: DepthMap, suffix: str
+) -> tuple[Callable[[Path], None], dict[str, Any]]:
+    meaning = {"encoding": "metres", "dtype": "float32", "depth_m": "value", "metres_per_unit": 1.0}
+    if suffix == ".exr":
+        return lambda file: _write_exr(file, depth_map.depth), meaning
+    return lambda file: _write_image(file, depth_map.depth), meaning
+
+
+def _write_image(file: Path, values: npt.NDArray[Any]) -> None:
+    import cv2
+
+    if not cv2.imwrite(str(file), values):
+        raise InputError(f"cannot write an image of {values.shape[1]} x {values.shape[0]} pixels")
+
+
+def _write_exr(file: Path, depth: npt.NDArray[np.float32]) -> None:
+    try:
+        import OpenEXR  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise MissingExtraError("writing .exr", "OpenEXR", "exr") from error
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, {"Z": depth}) as image:
+        image.write(str(file))
+
+
+def _write_npz(file: Path, depth_map: DepthMap) -> None:
+    with file.open("wb") as stream:
+        np.savez(
+            stream,
+            depth=depth_map.depth,
+            index=depth_map.index,
+            state=depth_map.state,
+            camera=np.array(json.dumps(_camera_to_dict(depth_map.camera))),
+            about=np.array(json.dumps(_describe(depth_map))),
+        )
+
+
+def _describe(depth_map: DepthMap) -> dict[str, Any]:
+    height, width = depth_map.depth.shape
+    return {
+        "format": "depthwarp depth map",
+        "version": depthwarp.__version__,
+        "width": width,
+        "height": height,
+        "empty_value": 0,
+        "depth_kind": depth_map.kind,
+        "min_range_m": depth_map.min_range,
+        "max_range_m": depth_map.max_range,
+        "camera": _camera_to_dict(depth_map.camera),
+        "counts": dict(depth_map.stats),
+        "pixels": {
+            state.name.lower(): int(np.count_nonzero(depth_map.state == state)) for state in State
+        },
+    }
+
+
+def _camera_to_dict(camera: PinholeCamera) -> dict[str, Any]:
+    pose = camera.pose
+    return {
+        "model": "pinhole",
+        "width": camera.width,
+        "height": camera.height,
+        "K": camera.K.tolist(),
+        "optical_from_world": pose.optical_from_world.tolist(),
+        "camera_from_world": pose.camera_from_world,
+        "position": pose.position,
+        "shift": pose.shift,
+    }
+
+
+def _camera_from_dict(entries: dict[str, Any]) -> PinholeCamera:
+    (fx, _, cx), (_, fy, cy), _ = entries["K"]
+    first, second, third = (tuple(row) for row in entries["camera_from_world"])
+    pose = Pose((first, second, third), tuple(entries["position"]), tuple(entries["shift"]))
+    return PinholeCamera(fx, fy, cx, cy, entries["width"], entries["height"], pose)

@@ -1,0 +1,91 @@
+"""One view of a cloud: its pose, its lens and the geometry of single points.
+
+Frames and equations are those of the paper: camera X forward, Y left, Z up. The order of every
+floating-point operation is part of the contract (the NumPy twins repeat it bit for bit).
+"""
+
+from typing import Any
+
+import warp as wp
+
+
+# position and shift [m] are the two readings of P_C: `position` is subtracted before the rotation
+# (world frame), `shift` after it (the paper's own, rotated frame).
+# fx, fy, cx, cy [px]; pixel centres at integers. line_count rectangles (8)(9), steps (7) [m].
+@wp.struct
+class View:
+    rotation: wp.mat33f
+    position: wp.vec3f
+    shift: wp.vec3f
+    fx: wp.float32
+    fy: wp.float32
+    cx: wp.float32
+    cy: wp.float32
+    width: wp.int32
+    height: wp.int32
+    min_range: wp.float32
+    max_range: wp.float32
+    line_count: wp.int32
+    steps: wp.vec3f
+
+
+@wp.func
+def to_camera(point: Any, rotation: Any, position: Any, shift: Any):
+    """Rotate a world point into the camera frame, equations (3) to (6)."""
+    d = point - position
+    x = ((rotation[0, 0] * d[0] + rotation[0, 1] * d[1]) + rotation[0, 2] * d[2]) - shift[0]
+    y = ((rotation[1, 0] * d[0] + rotation[1, 1] * d[1]) + rotation[1, 2] * d[2]) - shift[1]
+    z = ((rotation[2, 0] * d[0] + rotation[2, 1] * d[1]) + rotation[2, 2] * d[2]) - shift[2]
+    return type(point)(x, y, z)
+
+
+@wp.func
+def is_finite(p: Any):
+    """Whether all three coordinates are finite."""
+    return wp.isfinite(p[0]) and wp.isfinite(p[1]) and wp.isfinite(p[2])
+
+
+# Rectangles grow with n, so only the last one that stands before the point decides (9). The
+# division may guess it one off; the comparison is with X_n as the literal union computes it.
+@wp.func
+def in_range_view(p: Any, steps: Any, line_count: wp.int32):
+    """Segmentation (8)(9) in closed form: is a camera-frame point inside the range view?"""
+    guess = wp.min(p[0] / steps[0], steps.dtype(line_count))
+    m = wp.int32(guess)
+    if steps.dtype(m) * steps[0] >= p[0]:
+        m -= 1
+    elif m < line_count and steps.dtype(m + 1) * steps[0] < p[0]:
+        m += 1
+    n = steps.dtype(m)
+    return m >= 1 and wp.abs(p[1]) < n * steps[1] and wp.abs(p[2]) < n * steps[2]
+
+
+@wp.func
+def project_pinhole(view: View, p: wp.vec3f):
+    """Pixel of a camera-frame point ahead, as floats: floor(u + 0.5), floor(v + 0.5)."""
+    u = view.cx - view.fx * (p[1] / p[0])
+    v = view.cy - view.fy * (p[2] / p[0])
+    return wp.vec2f(wp.floor(u + 0.5), wp.floor(v + 0.5))
+
+
+@wp.func
+def in_image(view: View, pixel: wp.vec2f):
+    """Whether a pixel lies in the image; false for NaN."""
+    return (
+        pixel[0] >= 0.0
+        and pixel[1] >= 0.0
+        and pixel[0] < wp.float32(view.width)
+        and pixel[1] < wp.float32(view.height)
+    )
+
+
+@wp.func
+def range_depth(p: wp.vec3f):
+    """Euclidean range, equation (10) with its squares."""
+    return wp.sqrt((p[0] * p[0] + p[1] * p[1]) + p[2] * p[2])
+
+
+@wp.func
+def z_depth(p: wp.vec3f):
+    """Depth along the optical axis."""
+    return p[0]
