@@ -18,9 +18,15 @@ from depthwarp.cameras import PinholeCamera, Pose
 from depthwarp.depth_map import DepthMap, RenderStats, State
 from depthwarp.encodings import EncodingName, encode_depth, get_encoding
 from depthwarp.errors import FileFormatError, InputError, MissingExtraError
-from depthwarp.io.atomic import atomic_path
+from depthwarp.io.atomic import atomic_path, check_target
 
-__all__ = ["load_depth_map", "save_depth_map"]
+__all__ = [
+    "check_output",
+    "describe_depth_map",
+    "load_camera",
+    "load_depth_map",
+    "save_depth_map",
+]
 
 SUFFIXES = (".png", ".tiff", ".tif", ".exr", ".npz")
 
@@ -36,11 +42,7 @@ def save_depth_map(
         MissingExtraError: `.exr` without the package OpenEXR.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise InputError(f"cannot write {path}: suffix must be one of {', '.join(SUFFIXES)}")
-    if encoding is not None and suffix != ".png":
-        raise InputError(f"cannot write {path}: encoding is for .png, {suffix} is float32 metres")
+    suffix = check_output(path, encoding)
     if suffix == ".npz":
         with atomic_path(path) as temporary:
             _write_npz(temporary, depth_map)
@@ -49,13 +51,49 @@ def save_depth_map(
         write, meaning = _png_writer(depth_map, encoding or "range16")
     else:
         write, meaning = _float_writer(depth_map, suffix)
-    description = json.dumps(_describe(depth_map) | meaning, indent=2) + "\n"
+    description = json.dumps(describe_depth_map(depth_map) | meaning, indent=2) + "\n"
     # Both files are complete before either gets its name.
     with ExitStack() as files:
         sidecar = files.enter_context(atomic_path(path.with_suffix(".json")))
         image = files.enter_context(atomic_path(path))
         write(image)
         sidecar.write_text(description)
+
+
+def check_output(path: Path, encoding: EncodingName | None = None) -> str:
+    """Return the suffix of a file that a depth map can be written to, before any work is done.
+
+    Raises:
+        InputError: An unknown suffix, an encoding that the format has no use for, or a folder that
+            does not exist.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"cannot write {path}: suffix must be one of {', '.join(SUFFIXES)}")
+    if encoding is not None and suffix != ".png":
+        raise InputError(f"cannot write {path}: encoding is for .png, {suffix} is float32 metres")
+    check_target(path)
+    return suffix
+
+
+def load_camera(path: str | os.PathLike[str]) -> PinholeCamera:
+    """The camera of a depth map that was saved: of its `.npz`, or of the `.json` beside its image.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        FileFormatError: The file does not describe a depth map.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".npz":
+        return load_depth_map(path).camera
+    try:
+        return _camera_from_dict(json.loads(path.read_text(encoding="utf-8"))["camera"])
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"{path}: there is no such file; check the name") from error
+    except (KeyError, ValueError, TypeError) as error:
+        raise FileFormatError(
+            f"{path} does not describe a depth map ({error}): give the .json or .npz of one"
+        ) from error
 
 
 def load_depth_map(path: str | os.PathLike[str]) -> DepthMap:
@@ -84,6 +122,26 @@ def load_depth_map(path: str | os.PathLike[str]) -> DepthMap:
         raise FileFormatError(
             f"{path} is not a depth map's NPZ ({error}): write it with DepthMap.save"
         ) from error
+
+
+def describe_depth_map(depth_map: DepthMap) -> dict[str, Any]:
+    """What a reader of the file has to know, as JSON: units, kind, bounds, camera and counts."""
+    height, width = depth_map.depth.shape
+    return {
+        "format": "depthwarp depth map",
+        "version": depthwarp.__version__,
+        "width": width,
+        "height": height,
+        "empty_value": 0,
+        "depth_kind": depth_map.kind,
+        "min_range_m": depth_map.min_range,
+        "max_range_m": depth_map.max_range,
+        "camera": _camera_to_dict(depth_map.camera),
+        "counts": dict(depth_map.stats),
+        "pixels": {
+            state.name.lower(): int(np.count_nonzero(depth_map.state == state)) for state in State
+        },
+    }
 
 
 def _png_writer(
@@ -134,27 +192,8 @@ def _write_npz(file: Path, depth_map: DepthMap) -> None:
             index=depth_map.index,
             state=depth_map.state,
             camera=np.array(json.dumps(_camera_to_dict(depth_map.camera))),
-            about=np.array(json.dumps(_describe(depth_map))),
+            about=np.array(json.dumps(describe_depth_map(depth_map))),
         )
-
-
-def _describe(depth_map: DepthMap) -> dict[str, Any]:
-    height, width = depth_map.depth.shape
-    return {
-        "format": "depthwarp depth map",
-        "version": depthwarp.__version__,
-        "width": width,
-        "height": height,
-        "empty_value": 0,
-        "depth_kind": depth_map.kind,
-        "min_range_m": depth_map.min_range,
-        "max_range_m": depth_map.max_range,
-        "camera": _camera_to_dict(depth_map.camera),
-        "counts": dict(depth_map.stats),
-        "pixels": {
-            state.name.lower(): int(np.count_nonzero(depth_map.state == state)) for state in State
-        },
-    }
 
 
 def _camera_to_dict(camera: PinholeCamera) -> dict[str, Any]:

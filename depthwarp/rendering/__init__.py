@@ -2,6 +2,6 @@
 
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.plan import RenderPlan, ViewPlan
-from depthwarp.rendering.render import render
+from depthwarp.rendering.single import render
 
 __all__ = ["RenderConfig", "RenderPlan", "ViewPlan", "render"]

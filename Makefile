@@ -1,0 +1,47 @@
+# Every target does its own set-up: a .venv beside this file, with pinned and hash-checked packages.
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: demo test lint test-peers bench lock clean
+
+demo: .venv/ready ## Simulated scan -> cloud -> depth maps -> the paper's figures, in demo/
+	$(BIN)/depthwarp demo --out demo
+
+test: .venv/ready ## All tests but those that need Open3D
+	$(BIN)/python -m pytest
+
+lint: .venv/lint-ready ## Style, types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/pyright
+
+test-peers: .venv/peers-ready ## The tests that compare with Open3D (a 400 MB download)
+	$(BIN)/python -m pytest tests/rendering/test_open3d.py
+
+bench: .venv/peers-ready ## Splat speed beside Open3D and NumPy
+	$(BIN)/python -m benchmarks.splat
+
+.venv/ready: pyproject.toml requirements/test.txt
+	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is %d.%d: make PYTHON=python3.11" % sys.version_info[:2] if sys.version_info < (3, 11) else 0)'
+	$(PYTHON) -m venv .venv
+	$(PIP) --require-hashes -r requirements/test.txt
+	$(PIP) --no-deps --editable .
+	@touch $@
+
+.venv/lint-ready: .venv/ready requirements/lint.txt
+	$(PIP) --require-hashes -r requirements/lint.txt
+	@touch $@
+
+.venv/peers-ready: .venv/ready
+	$(PIP) "open3d>=0.19"
+	@touch $@
+
+lock: ## Pin the newest versions again (needs uv)
+	uv lock --quiet --upgrade
+	uv export --quiet --no-header --no-emit-project --extra viz --group test -o requirements/test.txt
+	uv export --quiet --no-header --no-emit-project --extra viz --group test --group lint -o requirements/lint.txt
+
+clean: ## Remove what the targets made
+	rm -rf .venv demo .mypy_cache .pytest_cache .ruff_cache .hypothesis

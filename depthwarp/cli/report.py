@@ -1,0 +1,83 @@
+"""What a command says: results on stdout, progress and people's text on stderr."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+
+__all__ = ["Reporter"]
+
+
+class Reporter:
+    """Where a command's words go.
+
+    With `as_json` stdout holds one JSON object and nothing else; all else is on stderr.
+
+    Args:
+        as_json: Whether the result is for a program.
+    """
+
+    def __init__(self, as_json: bool) -> None:
+        self.as_json = as_json
+        self._console = Console(stderr=True, highlight=False)
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str, text: str) -> Iterator[None]:
+        """Show that a step is under way, and keep how long it took under `name` [s]."""
+        start = time.perf_counter()
+        if self._console.is_terminal:
+            with self._console.status(escape(text)):
+                yield
+        else:
+            self.say(text)
+            yield
+        self.seconds[name] = round(time.perf_counter() - start, 4)
+
+    def say(self, text: str) -> None:
+        """Text for people, on stderr."""
+        self._console.print(escape(text), soft_wrap=True)
+
+    def error(self, text: str) -> None:
+        """What went wrong, on stderr; with `as_json` also as the one object on stdout."""
+        self._console.print(f"[bold red]error:[/] {escape(text)}", soft_wrap=True)
+        if self.as_json:
+            self.result({"error": text})
+
+    def result(self, result: Mapping[str, Any]) -> None:
+        """The command's result as one JSON object on stdout."""
+        json.dump(result, sys.stdout, indent=2)
+        sys.stdout.write("\n")
+
+
+def quiet_warp() -> None:
+    """Start Warp without its greeting and its compile messages.
+
+    On a machine without a GPU the native library writes a warning straight to the process's
+    stderr; that one line is dropped, `depthwarp doctor` lists the devices. All else is passed on.
+    """
+    import warp as wp
+
+    wp.config.log_level = wp.LOG_ERROR
+    sys.stderr.flush()
+    with tempfile.TemporaryFile() as said:
+        stderr = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            said.seek(0)
+            for line in said:
+                if b"NVIDIA CUDA driver" not in line:
+                    os.write(2, line)
