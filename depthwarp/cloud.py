@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -108,6 +109,20 @@ class PointCloud:
     def __iter__(self) -> Iterator[Any]:
         """Not iterable: row-by-row loops over a cloud are a mistake; use `points_world`."""
         raise TypeError("PointCloud is not iterable: use cloud.points_world")
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the points and all attributes to a file; its suffix chooses the format.
+
+        `.ply` is binary little-endian and opens everywhere; `.npz` holds `points` and one array
+        for each attribute, with every dtype kept. The file appears whole or not at all.
+
+        Raises:
+            InputError: An unknown suffix, an attribute that the format cannot hold, or a path that
+                cannot be written.
+        """
+        from depthwarp.io import write
+
+        write(self, path)
 
     def __repr__(self) -> str:
         """Number of points and the attributes' names."""

@@ -10,7 +10,19 @@ from pathlib import Path
 
 from depthwarp.errors import InputError
 
-__all__ = ["atomic_path"]
+__all__ = ["atomic_path", "check_target"]
+
+
+def check_target(target: Path) -> None:
+    """Refuse a name that cannot be written to.
+
+    Raises:
+        InputError: The folder does not exist, or the target is a folder.
+    """
+    if target.is_dir():
+        raise InputError(f"cannot write {target}: it is a folder; give a file name")
+    if not target.parent.is_dir():
+        raise InputError(f"cannot write {target}: folder {target.parent} does not exist; create it")
 
 
 @contextmanager
@@ -24,16 +36,15 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
         InputError: The folder does not exist or cannot be written, or the target is a folder.
     """
     target = Path(target)
-    if target.is_dir():
-        raise InputError(f"cannot write {target}: it is a folder; give a file name")
-    if not target.parent.is_dir():
-        raise InputError(f"cannot write {target}: folder {target.parent} does not exist; create it")
+    check_target(target)
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
     try:
         with temporary.open("wb"):
             pass
     except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror}; choose another folder") from error
+        raise InputError(
+            f"cannot write {target}: {error.strerror}; choose another folder"
+        ) from error
     try:
         yield temporary
         os.replace(temporary, target)
