@@ -1,5 +1,154 @@
+"""`depthwarp demo`: a simulated scan, its depth maps and the paper's figures; no hardware."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from depthwarp.cli.guard import run_command
+from depthwarp.cli.options import JsonOption
+from depthwarp.cli.report import Reporter, quiet_warp
+from depthwarp.errors import InputError
+
+if TYPE_CHECKING:
+    from depthwarp.cloud import PointCloud
+    from depthwarp.depth_map import DepthMap
+    from depthwarp.range_view import RangeView
+
+__all__ = ["demo"]
+
+POSITION = (1.79, 3.3, 1.2)
+ORIENTATIONS = ((0.0, 0.0, 90.0), (0.0, 20.0, 50.0))
+FOV = (60.0, 49.15)
+"""C_FOV, which the paper does not print: with it the room gives the paper's 724 x 662 pixels."""
+
+HEAD = (1.8, 5.15, 1.25)
+"""Where the scanner's head stands in the room [m]: in front of the camera, not at it."""
+
+CEILING = 2.6
+"""Height [m] above which the clouds of the figures are cut, so that one looks into the room."""
+
+SEED = 2015
+EDGE_RECTANGLES = 12
+"""Rectangles of a range view that a figure shows: the last one and some before it."""
 
 
-def demo(out: Path = Path("demo")) -> None:
-    """X"""
+@dataclass(frozen=True)
+class View:
+    """One of the paper's two views of the cloud: what the figures of it need."""
+
+    range_view: RangeView
+    line_count: int
+    depth_map: DepthMap
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for the cloud, the depth map and figures.")] = (
+        Path("demo")
+    ),
+    as_json: JsonOption = False,
+) -> None:
+    """Scan a simulated room and draw the paper's figures; no hardware, no GPU."""
+    reporter = Reporter(as_json)
+
+    def command() -> None:
+        quiet_warp()
+        _make_folder(out)
+        with reporter.stage("scan", "scanning a simulated room, one turn of the head"):
+            cloud = _scan()
+        with reporter.stage("render", f"rendering {len(cloud):,} points from two poses"):
+            views = [_render(cloud, orientation) for orientation in ORIENTATIONS]
+        with reporter.stage("save", "writing the cloud and the depth map"):
+            cloud.save(out / "cloud.ply")
+            views[0].depth_map.save(out / "depth.png")
+            views[0].depth_map.save(out / "depth.npz")
+        with reporter.stage("figures", "drawing the paper's figures"):
+            _draw_figures(cloud, views, out)
+        _report(reporter, cloud, views[0].depth_map, out)
+
+    run_command(reporter, command)
+
+
+def _make_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot write to {out}: {error.strerror}; choose another --out"
+        ) from error
+
+
+def _scan() -> PointCloud:
+    """One turn of the paper's head (Section 2) in the furnished room."""
+    from depthwarp.scanner.head import RotatingHead
+    from depthwarp.scanner.room import furnished_room
+
+    return RotatingHead(position=HEAD).scan(furnished_room(), seed=SEED)
+
+
+def _render(cloud: PointCloud, orientation: tuple[float, float, float]) -> View:
+    """One view with the paper's parameters and filters."""
+    import depthwarp as dw
+
+    view = dw.RangeView(POSITION, orientation, FOV, q_line=0.01, q_depth_map=0.01)
+    depth_map = dw.render(cloud, view, depth="range", filters=dw.filters.paper())
+    return View(view, view.line_count(cloud), depth_map)
+
+
+def _draw_figures(cloud: PointCloud, views: list[View], out: Path) -> None:
+    """The paper's Figures 3 to 15, but its sketches 7, 9 and 10."""
+    import numpy as np
+
+    from depthwarp import plots
+
+    first, second = views
+    below_ceiling = cloud.points_world[:, 2] < CEILING
+    points, range_view = cloud.points_world[below_ceiling], first.range_view
+    corners = [
+        view.range_view.corners_world(view.line_count)[
+            np.linspace(0, view.line_count - 1, EDGE_RECTANGLES + 1).astype(int)[1:]
+        ]
+        for view in views
+    ]
+    rotation = range_view.pose.rotation
+    plots.plot_point_cloud(points, out / "fig03_point_cloud.png")
+    plots.plot_rotated_cloud(points, rotation, out / "fig04_rotated_cloud.png")
+    plots.plot_range_view_angles(
+        POSITION, corners[0], rotation, ORIENTATIONS[0], out / "fig05_range_view_angles.png"
+    )
+    plots.plot_range_view(points, POSITION, corners[0], out / "fig06_range_view.png")
+    selected = [view.range_view.segment(cloud)[below_ceiling] for view in views]
+    plots.plot_segmented_points(
+        points, selected[0], POSITION, corners[0], out / "fig08_segmented_points.png"
+    )
+    plots.plot_depth_map(first.depth_map.depth, out / "fig11_depth_map.png")
+    plots.plot_surf(first.depth_map.depth, out / "fig12_surf.png")
+    plots.plot_depth_map(second.depth_map.depth, out / "fig13_depth_map_2.png")
+    plots.plot_segmented_points(
+        points, selected[1], POSITION, corners[1], out / "fig14_segmented_points_2.png"
+    )
+    plots.plot_surf(second.depth_map.depth, out / "fig15_surf_2.png")
+
+
+def _report(reporter: Reporter, cloud: PointCloud, depth_map: DepthMap, out: Path) -> None:
+    files = sorted(file.name for file in out.iterdir() if file.suffix != ".tmp")
+    height, width = depth_map.depth.shape
+    if reporter.as_json:
+        reporter.result(
+            {
+                "out": str(out),
+                "files": files,
+                "points": len(cloud),
+                "width": width,
+                "height": height,
+                "counts": dict(depth_map.stats),
+                "seconds": reporter.seconds,
+            }
+        )
+        return
+    reporter.say(f"{out}: {len(cloud):,} points, depth map {width} x {height} px")
+    for name in files:
+        reporter.say(f"  {out / name}")

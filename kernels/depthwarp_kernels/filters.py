@@ -129,7 +129,7 @@ def dilate_kernels(nearest: bool):
         v, row, column = wp.tid()
         first = wp.max(row - side // 2, 0)
         last = wp.min(row - side // 2 + side, depth_out.shape[1])
-        best = wp.uint64(NO_RANK)
+        best = row_rank[v, row, column]
         for r in range(first, last):
             best = wp.min(best, row_rank[v, r, column])
         if best == wp.uint64(NO_RANK):
