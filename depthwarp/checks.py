@@ -54,7 +54,7 @@ def check_fov(fov: Sequence[float]) -> tuple[float, float]:
 
 def check_size(size: Sequence[int]) -> tuple[int, int]:
     """Return an image size (width, height) [px] of whole numbers from 1 to `MAX_SIDE`."""
-    if len(size) != 2 or any(side != int(side) for side in size):
+    if len(size) != 2 or not all(_is_whole(side) for side in size):
         raise InputError(f"size must be two whole numbers (width, height), got {tuple(size)}")
     width, height = int(size[0]), int(size[1])
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
@@ -64,7 +64,7 @@ def check_size(size: Sequence[int]) -> tuple[int, int]:
 
 def check_window(name: str, side: int) -> int:
     """Return the side of a square window [px], a whole number from 1 to `MAX_SIDE`."""
-    if side != int(side) or not 1 <= side <= MAX_SIDE:
+    if not _is_whole(side) or not 1 <= side <= MAX_SIDE:
         raise InputError(f"{name} must be a whole number from 1 to {MAX_SIDE} pixels, got {side}")
     return int(side)
 
@@ -74,3 +74,10 @@ def check_choice(name: str, value: Choice, choices: Sequence[Choice]) -> Choice:
     if value not in choices:
         raise InputError(f"{name} must be one of {', '.join(map(repr, choices))}, got {value!r}")
     return value
+
+
+def _is_whole(value: float) -> bool:
+    try:
+        return value == int(value)
+    except (TypeError, ValueError, OverflowError):  # not a number, NaN, infinite
+        return False

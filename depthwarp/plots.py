@@ -37,6 +37,7 @@ __all__ = [
     "plot_rotated_cloud",
     "plot_segmented_points",
     "plot_surf",
+    "require_matplotlib",
 ]
 
 Array = NDArray[Any]
@@ -57,13 +58,20 @@ HEIGHT_MAP, DEPTH_MAP, DISTANCE = "viridis", "turbo", "distance from the camera 
 METRES = ("X [m]", "Y [m]", "Z [m]")
 
 
+def require_matplotlib() -> None:
+    """Raise `MissingExtraError` where matplotlib is not installed."""
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("drawing figures", "matplotlib", "viz") from error
+
+
 @contextmanager
 def _page(path: PngPath, title: str, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Iterator[Any]:
     """Give an empty figure of a size [px], saved to `path` when the block ends without an error."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError("drawing figures", "matplotlib", "viz") from error
+    require_matplotlib()
+    from matplotlib.figure import Figure
+
     if not os.fspath(path).lower().endswith(".png"):
         raise InputError(f"cannot draw {path}: figures are PNG files; end its name in .png")
     with atomic_path(path) as temporary:

@@ -96,18 +96,35 @@ class RangeView:
             InputError: No point is ahead, or there would be more than 4 million rectangles.
         """
         reach = self.depth_plane or self._farthest_ahead(cloud, resolve_device(device))
-        count = max(1, math.ceil(reach / self.steps[0]))
-        if count > MAX_LINES:
+        lines = reach / self.steps[0] if self.steps[0] > 0 else math.inf  # a step can underflow
+        if lines > MAX_LINES:
             raise InputError(
-                f"q_line {self.q_line} m makes {count} rectangles up to {reach:.4g} m, at most "
+                f"q_line {self.q_line} m makes {lines:.4g} rectangles up to {reach:.4g} m, at most "
                 f"{MAX_LINES} are possible: choose a larger q_line"
             )
-        return count
+        return max(1, math.ceil(lines))
 
     def rectangles(self, line_count: int) -> npt.NDArray[np.float64]:
         """The rectangles 1..line_count as rows (X_n, Y_n, Z_n) [m], shape (line_count, 3)."""
         numbers = np.arange(1, line_count + 1, dtype=np.float64)
         return np.stack([numbers * step for step in self.steps], axis=1)
+
+    def corners_world(self, line_count: int) -> npt.NDArray[np.float64]:
+        """The corners of the rectangles 1..line_count in the world frame.
+
+        Returns:
+            Corners [m], in order around each rectangle, shape (line_count, 4, 3).
+        """
+        x, y, z = self.rectangles(line_count).T
+        corners = np.stack(
+            [
+                np.stack([x, side * y, top * z], axis=1)
+                for side, top in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+            ],
+            axis=1,
+        )
+        world: npt.NDArray[np.float64] = corners @ self.pose.rotation + self.pose.center_world
+        return world
 
     def segment(
         self,
@@ -174,14 +191,14 @@ class RangeView:
             CapacityError: The depth plane has too many pixels of `q_depth_map`.
         """
         distance, half_width, half_height = (line_count * step for step in self.steps)
-        width = max(1, round(2 * half_width / self.q_depth_map))
-        height = max(1, round(2 * half_height / self.q_depth_map))
-        if max(width, height) > MAX_SIDE:
+        columns, rows = 2 * half_width / self.q_depth_map, 2 * half_height / self.q_depth_map
+        if max(columns, rows) > MAX_SIDE:
             raise CapacityError(
-                f"q_depth_map {self.q_depth_map} m makes a depth map of {width} x {height} pixels "
-                f"at {distance:.4g} m, at most {MAX_SIDE} a side are possible: choose a larger "
-                "q_depth_map"
+                f"q_depth_map {self.q_depth_map} m makes a depth map of {columns:.4g} x {rows:.4g} "
+                f"pixels at {distance:.4g} m, at most {MAX_SIDE} a side are possible: choose a "
+                "larger q_depth_map"
             )
+        width, height = max(1, round(columns)), max(1, round(rows))
         focal = distance / self.q_depth_map
         return PinholeCamera(
             fx=focal,

@@ -66,7 +66,9 @@ class PinholeCamera:
         check_positive("fx", self.fx, "pixels")
         check_positive("fy", self.fy, "pixels")
         check_finite_vector("principal point (cx, cy)", (self.cx, self.cy), 2)
-        check_size((self.width, self.height))
+        width, height = check_size((self.width, self.height))
+        object.__setattr__(self, "width", width)
+        object.__setattr__(self, "height", height)
 
     @classmethod
     def from_fov(
@@ -156,7 +158,7 @@ class PinholeCamera:
     @property
     def K(self) -> Float64Array:
         """Intrinsic matrix [px], shape (3, 3), float64."""
-        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]])
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]], np.float64)
 
     def project(
         self, points_world: npt.NDArray[np.floating], depth: DepthKind = "range"

@@ -119,7 +119,8 @@ class Pose:
                 f"(R R^T differs from the identity by {error:.3g}, "
                 f"determinant {np.linalg.det(rotation):.6g})"
             )
-        position = -rotation.T @ transform[:3, 3]
+        # Not -R^T t: a rotation rounded in a file would move a far translation.
+        position: Float64Array = -np.linalg.solve(rotation, transform[:3, 3]).astype(np.float64)
         return cls(_matrix3(OPTICAL_FROM_CAMERA.T @ rotation), _vector3(position))
 
     @property

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,8 +14,12 @@ from depthwarp.cli.guard import run_command
 from depthwarp.cli.options import JsonOption
 from depthwarp.cli.report import Reporter, quiet_warp
 from depthwarp.errors import InputError
+from depthwarp.plots import require_matplotlib
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from depthwarp.cloud import PointCloud
     from depthwarp.depth_map import DepthMap
     from depthwarp.range_view import RangeView
@@ -56,18 +62,19 @@ def demo(
 
     def command() -> None:
         quiet_warp()
+        require_matplotlib()
         _make_folder(out)
         with reporter.stage("scan", "scanning a simulated room, one turn of the head"):
             cloud = _scan()
         with reporter.stage("render", f"rendering {len(cloud):,} points from two poses"):
-            views = [_render(cloud, orientation) for orientation in ORIENTATIONS]
+            views = _render(cloud, ORIENTATIONS[0]), _render(cloud, ORIENTATIONS[1])
         with reporter.stage("save", "writing the cloud and the depth map"):
             cloud.save(out / "cloud.ply")
             views[0].depth_map.save(out / "depth.png")
             views[0].depth_map.save(out / "depth.npz")
-        with reporter.stage("figures", "drawing the paper's figures"):
-            _draw_figures(cloud, views, out)
-        _report(reporter, cloud, views[0].depth_map, out)
+        data = [out / name for name in ("cloud.ply", "depth.png", "depth.json", "depth.npz")]
+        figures = _draw_figures(reporter, cloud, views, out)
+        _report(reporter, cloud, views[0].depth_map, [*data, *figures])
 
     run_command(reporter, command)
 
@@ -98,49 +105,54 @@ def _render(cloud: PointCloud, orientation: tuple[float, float, float]) -> View:
     return View(view, view.line_count(cloud), depth_map)
 
 
-def _draw_figures(cloud: PointCloud, views: list[View], out: Path) -> None:
+def _draw_figures(
+    reporter: Reporter, cloud: PointCloud, views: tuple[View, View], out: Path
+) -> list[Path]:
     """The paper's Figures 3 to 15, but its sketches 7, 9 and 10."""
-    import numpy as np
-
     from depthwarp import plots
 
     first, second = views
     below_ceiling = cloud.points_world[:, 2] < CEILING
-    points, range_view = cloud.points_world[below_ceiling], first.range_view
-    corners = [
-        view.range_view.corners_world(view.line_count)[
-            np.linspace(0, view.line_count - 1, EDGE_RECTANGLES + 1).astype(int)[1:]
-        ]
-        for view in views
-    ]
-    rotation = range_view.pose.rotation
-    plots.plot_point_cloud(points, out / "fig03_point_cloud.png")
-    plots.plot_rotated_cloud(points, rotation, out / "fig04_rotated_cloud.png")
-    plots.plot_range_view_angles(
-        POSITION, corners[0], rotation, ORIENTATIONS[0], out / "fig05_range_view_angles.png"
-    )
-    plots.plot_range_view(points, POSITION, corners[0], out / "fig06_range_view.png")
+    points, rotation = cloud.points_world[below_ceiling], first.range_view.pose.rotation
+    edges = [_shown_rectangles(view) for view in views]
     selected = [view.range_view.segment(cloud)[below_ceiling] for view in views]
-    plots.plot_segmented_points(
-        points, selected[0], POSITION, corners[0], out / "fig08_segmented_points.png"
-    )
-    plots.plot_depth_map(first.depth_map.depth, out / "fig11_depth_map.png")
-    plots.plot_surf(first.depth_map.depth, out / "fig12_surf.png")
-    plots.plot_depth_map(second.depth_map.depth, out / "fig13_depth_map_2.png")
-    plots.plot_segmented_points(
-        points, selected[1], POSITION, corners[1], out / "fig14_segmented_points_2.png"
-    )
-    plots.plot_surf(second.depth_map.depth, out / "fig15_surf_2.png")
+    figures: dict[str, Callable[[Path], None]] = {
+        "fig03_point_cloud.png": partial(plots.plot_point_cloud, points),
+        "fig04_rotated_cloud.png": partial(plots.plot_rotated_cloud, points, rotation),
+        "fig05_range_view_angles.png": partial(
+            plots.plot_range_view_angles, POSITION, edges[0], rotation, ORIENTATIONS[0]
+        ),
+        "fig06_range_view.png": partial(plots.plot_range_view, points, POSITION, edges[0]),
+        "fig08_segmented_points.png": partial(
+            plots.plot_segmented_points, points, selected[0], POSITION, edges[0]
+        ),
+        "fig11_depth_map.png": partial(plots.plot_depth_map, first.depth_map.depth),
+        "fig12_surf.png": partial(plots.plot_surf, first.depth_map.depth),
+        "fig13_depth_map_2.png": partial(plots.plot_depth_map, second.depth_map.depth),
+        "fig14_segmented_points_2.png": partial(
+            plots.plot_segmented_points, points, selected[1], POSITION, edges[1]
+        ),
+        "fig15_surf_2.png": partial(plots.plot_surf, second.depth_map.depth),
+    }
+    for name, draw in figures.items():
+        with reporter.stage("figures", f"drawing {out / name}"):
+            draw(out / name)
+    return [out / name for name in figures]
 
 
-def _report(reporter: Reporter, cloud: PointCloud, depth_map: DepthMap, out: Path) -> None:
-    files = sorted(file.name for file in out.iterdir() if file.suffix != ".tmp")
+def _shown_rectangles(view: View) -> NDArray[np.float64]:
+    """Some rectangles of a view, evenly spaced, the depth plane last, shape (K, 4, 3)."""
+    corners = view.range_view.corners_world(view.line_count)
+    step = max(1, view.line_count // EDGE_RECTANGLES)
+    return corners[::-step][::-1]
+
+
+def _report(reporter: Reporter, cloud: PointCloud, depth_map: DepthMap, files: list[Path]) -> None:
     height, width = depth_map.depth.shape
     if reporter.as_json:
         reporter.result(
             {
-                "out": str(out),
-                "files": files,
+                "files": [str(file) for file in files],
                 "points": len(cloud),
                 "width": width,
                 "height": height,
@@ -149,6 +161,6 @@ def _report(reporter: Reporter, cloud: PointCloud, depth_map: DepthMap, out: Pat
             }
         )
         return
-    reporter.say(f"{out}: {len(cloud):,} points, depth map {width} x {height} px")
-    for name in files:
-        reporter.say(f"  {out / name}")
+    reporter.say(f"{len(cloud):,} points, depth map {width} x {height} px, {len(files)} files:")
+    for file in files:
+        reporter.say(f"  {file}")

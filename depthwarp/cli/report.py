@@ -33,7 +33,7 @@ class Reporter:
 
     @contextmanager
     def stage(self, name: str, text: str) -> Iterator[None]:
-        """Show that a step is under way, and keep how long it took under `name` [s]."""
+        """Show that a step is under way, and add how long it took to `seconds[name]` [s]."""
         start = time.perf_counter()
         if self._console.is_terminal:
             with self._console.status(escape(text)):
@@ -41,7 +41,8 @@ class Reporter:
         else:
             self.say(text)
             yield
-        self.seconds[name] = round(time.perf_counter() - start, 4)
+        took = time.perf_counter() - start
+        self.seconds[name] = round(self.seconds.get(name, 0.0) + took, 4)
 
     def say(self, text: str) -> None:
         """Text for people, on stderr."""

@@ -22,6 +22,7 @@ from depthwarp_kernels.view import View
 __all__ = ["RenderPlan", "ViewPlan"]
 
 MAP_BYTES = 8 + 4 + 4 + 1  # a pixel: key, depth, index, state
+FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 @dataclass(frozen=True)
@@ -48,13 +49,16 @@ class RenderPlan:
         device: Warp device.
 
     Raises:
-        InputError: Views of different sizes, or none.
+        InputError: Views of different sizes, with and without segmentation, or none.
         CapacityError: The buffers do not fit the device.
     """
 
     def __init__(self, views: Sequence[ViewPlan], config: RenderConfig, device: Any) -> None:
-        if len({view.camera.size for view in views}) != 1:
-            raise InputError("views must be at least one, and all of one image size")
+        if len({(view.camera.size, view.line_count > 0) for view in views}) != 1:
+            raise InputError(
+                "views must be at least one, all of one image size, all with or all without "
+                "segmentation"
+            )
         self._cameras = [view.camera for view in views]
         self._config = config
         self._device = device
@@ -142,7 +146,8 @@ def _view_struct(plan: ViewPlan, config: RenderConfig) -> Any:
     view.shift = wp.vec3f(*pose.shift)
     view.fx, view.fy, view.cx, view.cy = camera.fx, camera.fy, camera.cx, camera.cy
     view.width, view.height = camera.size
-    view.min_range, view.max_range = config.min_range, config.max_range
+    view.min_range = config.min_range
+    view.max_range = min(config.max_range, FLOAT32_MAX)  # a range that overflows is too far
     view.line_count = plan.line_count
     view.steps = wp.vec3f(*plan.steps)
     return view

@@ -18,13 +18,14 @@ Run = Callable[..., Result]
 VIEW = "--position 0 0 0 --orientation 0 0 0 --fov 60 60 --size 64 48".split()
 
 
+def invoke(*arguments: object) -> Result:
+    """Run a command in this process: `invoke("info", path)`."""
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
 @pytest.fixture
 def run() -> Run:
-    """Run a command in this process: `run("info", path)`."""
-
-    def invoke(*arguments: object) -> Result:
-        return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
+    """`invoke`, as a fixture."""
     return invoke
 
 

@@ -1,0 +1,85 @@
+"""`depthwarp demo`, as a newcomer runs it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import depthwarp as dw
+from tests.cli.conftest import invoke
+
+FIGURES = (
+    *("fig03_point_cloud", "fig04_rotated_cloud", "fig05_range_view_angles", "fig06_range_view"),
+    *("fig08_segmented_points", "fig11_depth_map", "fig12_surf", "fig13_depth_map_2"),
+    *("fig14_segmented_points_2", "fig15_surf_2"),
+)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory) -> tuple[Path, dict]:
+    """The folder that one run of the demo wrote, and its JSON answer."""
+    folder = tmp_path_factory.mktemp("demo") / "new" / "folder"
+    result = invoke("demo", "--out", folder, "--json")
+    assert result.exit_code == 0, result.stderr
+    return folder, json.loads(result.stdout)
+
+
+def test_it_writes_every_file_and_names_it(demo):
+    """Cloud, depth map and one picture for each of the paper's figures, and nothing else."""
+    folder, answer = demo
+    expected = {"cloud.ply", "depth.png", "depth.json", "depth.npz"}
+    expected |= {f"{name}.png" for name in FIGURES}
+    assert {file.name for file in folder.iterdir()} == expected
+    assert {Path(file).name for file in answer["files"]} == expected
+
+
+def test_the_map_has_the_papers_size_and_comes_from_the_cloud(demo):
+    """724 x 662 px; a pixel holds the range of its point; the PNG is the same map."""
+    folder, _ = demo
+    depth_map, cloud = dw.DepthMap.load(folder / "depth.npz"), dw.read(folder / "cloud.ply")
+    assert depth_map.depth.shape == (662, 724)
+    drawn = depth_map.index >= 0
+    points = cloud.points_world[depth_map.index[drawn]].astype(np.float64)
+    distance = np.linalg.norm(points - (1.79, 3.3, 1.2), axis=1)
+    assert np.abs(depth_map.depth[drawn] - distance).max() < 1e-5
+    assert np.array_equal(drawn, depth_map.depth > 0) and drawn.mean() > 0.7
+    assert np.array_equal(drawn, np.isin(depth_map.state, (dw.State.MEASURED, dw.State.FILLED)))
+    values = cv2.imread(str(folder / "depth.png"), cv2.IMREAD_UNCHANGED)
+    assert np.abs(values / 65535 * 15 - depth_map.depth).max() <= 15 / 65535 / 2 + 1e-6
+
+
+def test_the_figures_are_pictures(demo):
+    """Every figure opens, is large enough to look at, and is not of one colour."""
+    folder, _ = demo
+    for name in FIGURES:
+        picture = cv2.imread(str(folder / f"{name}.png"))
+        assert min(picture.shape[:2]) >= 600, name
+        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50, name
+
+
+def test_two_runs_give_the_same_cloud_and_map(demo, tmp_path):
+    """The scan is seeded: a second run repeats the first."""
+    folder, _ = demo
+    assert invoke("demo", "--out", tmp_path).exit_code == 0
+    for name in ("cloud.ply", "depth.png"):
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_without_matplotlib_it_says_what_to_install(tmp_path, monkeypatch):
+    """The extra is asked for before any work is done."""
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    result = invoke("demo", "--out", tmp_path / "out")
+    assert result.exit_code == 2 and 'pip install "depthwarp[viz]"' in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    """A file in the way is named."""
+    (tmp_path / "file").write_text("")
+    result = invoke("demo", "--out", tmp_path / "file" / "demo")
+    assert result.exit_code == 2 and "file" in result.stderr
