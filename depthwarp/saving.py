@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import zipfile
+import zlib
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -15,6 +18,7 @@ import numpy.typing as npt
 
 import depthwarp
 from depthwarp.cameras import PinholeCamera, Pose
+from depthwarp.checks import check_choice
 from depthwarp.depth_map import DepthMap, RenderStats, State
 from depthwarp.encodings import EncodingName, encode_depth, get_encoding
 from depthwarp.errors import FileFormatError, InputError, MissingExtraError
@@ -29,6 +33,20 @@ __all__ = [
 ]
 
 SUFFIXES = (".png", ".tiff", ".tif", ".exr", ".npz")
+
+DAMAGE = (
+    KeyError,
+    ValueError,
+    TypeError,
+    EOFError,
+    zipfile.BadZipFile,
+    zlib.error,
+    RuntimeError,  # an encrypted or unknown way of packing
+    SyntaxError,  # these two: the text of an array's header
+    TokenError,
+    MemoryError,  # a header that claims more pixels than there is memory for
+)
+"""What reading an NPZ raises when it is damaged, or another file."""
 
 
 def save_depth_map(
@@ -104,24 +122,27 @@ def load_depth_map(path: str | os.PathLike[str]) -> DepthMap:
         FileFormatError: The file is not a depth map's NPZ.
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             about = json.loads(str(arrays["about"]))
-            return DepthMap(
+            max_range = about["max_range_m"]
+            depth_map = DepthMap(
                 depth=arrays["depth"],
                 index=arrays["index"],
                 state=arrays["state"],
                 camera=_camera_from_dict(json.loads(str(arrays["camera"]))),
-                kind=about["depth_kind"],
+                kind=check_choice("depth_kind", about["depth_kind"], ("range", "z")),
                 min_range=float(about["min_range_m"]),
-                max_range=float(about["max_range_m"]),
+                max_range=math.inf if max_range is None else float(max_range),
                 stats=RenderStats(**about["counts"]),
             )
+        _check_arrays(depth_map)
     except FileNotFoundError as error:
         raise FileNotFoundError(f"{path}: there is no such file; check the name") from error
-    except (KeyError, ValueError, TypeError, zipfile.BadZipFile, EOFError) as error:
+    except DAMAGE as error:
         raise FileFormatError(
             f"{path} is not a depth map's NPZ ({error}): write it with DepthMap.save"
         ) from error
+    return depth_map
 
 
 def describe_depth_map(depth_map: DepthMap) -> dict[str, Any]:
@@ -135,7 +156,8 @@ def describe_depth_map(depth_map: DepthMap) -> dict[str, Any]:
         "empty_value": 0,
         "depth_kind": depth_map.kind,
         "min_range_m": depth_map.min_range,
-        "max_range_m": depth_map.max_range,
+        # JSON has no infinity: null is "no bound".
+        "max_range_m": depth_map.max_range if math.isfinite(depth_map.max_range) else None,
         "camera": _camera_to_dict(depth_map.camera),
         "counts": dict(depth_map.stats),
         "pixels": {
@@ -194,6 +216,17 @@ def _write_npz(file: Path, depth_map: DepthMap) -> None:
             camera=np.array(json.dumps(_camera_to_dict(depth_map.camera))),
             about=np.array(json.dumps(describe_depth_map(depth_map))),
         )
+
+
+def _check_arrays(depth_map: DepthMap) -> None:
+    size = depth_map.camera.height, depth_map.camera.width
+    for name, dtype in (("depth", np.float32), ("index", np.int32), ("state", np.uint8)):
+        array = getattr(depth_map, name)
+        if array.shape != size or array.dtype != dtype:
+            raise ValueError(
+                f"{name} must be {np.dtype(dtype)} of the camera's shape {size}, "
+                f"got {array.dtype} of {array.shape}"
+            )
 
 
 def _camera_to_dict(camera: PinholeCamera) -> dict[str, Any]:

@@ -1,0 +1,99 @@
+"""Measuring: alternating runs, their times, the machine, and how fast it reads memory."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+import depthwarp
+
+__all__ = ["Timing", "alternate", "machine", "read_bandwidth", "run_once"]
+
+PAUSE_S = 0.05
+"""Before each run: the worker threads of the peer that ran last go on spinning for a while."""
+
+READ_BYTES = 512 * 2**20
+READ_REPEATS = 7
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Repeated runs of one thing: seconds of wall clock and of processor time, one a run."""
+
+    wall_s: tuple[float, ...]
+    processor_s: tuple[float, ...]
+
+    def per_second(self, amount: float) -> tuple[float, float, float]:
+        """Lower quartile, median and upper quartile of `amount` a second."""
+        slow, middle, fast = np.percentile(self.wall_s, (75, 50, 25))
+        return float(amount / slow), float(amount / middle), float(amount / fast)
+
+    @property
+    def busy_cores(self) -> float:
+        """Processor time over wall time: how many cores were busy, threads that spin included."""
+        return sum(self.processor_s) / sum(self.wall_s)
+
+
+def run_once(run: Callable[[], None]) -> tuple[float, float]:
+    """Wall and processor seconds of one run."""
+    wall, processor = time.perf_counter(), time.process_time()
+    run()
+    return time.perf_counter() - wall, time.process_time() - processor
+
+
+def alternate(runs: Sequence[Callable[[], None]], repeats: int) -> list[Timing]:
+    """Time all runs in turn, A B C A B C ..., so that a slow spell of the machine meets them all.
+
+    Each is expected to be warm, and to return only when its work is done.
+    """
+    times: list[list[tuple[float, float]]] = [[] for _ in runs]
+    for _ in range(repeats):
+        for run, own in zip(runs, times, strict=True):
+            time.sleep(PAUSE_S)
+            own.append(run_once(run))
+    return [Timing(*zip(*own, strict=True)) for own in times]
+
+
+def read_bandwidth() -> float:
+    """Bytes a second that one thread reads from memory: the best of several sums of an array.
+
+    The array is 512 MiB of int64, far beyond the caches; NumPy sums integers on one thread with
+    vector instructions, so that memory is what it waits for.
+    """
+    values = np.ones(READ_BYTES // 8, dtype=np.int64)
+    return READ_BYTES / min(run_once(values.sum)[0] for _ in range(READ_REPEATS))
+
+
+def machine() -> dict[str, object]:
+    """Processor, cores and versions: what a figure depends on besides the code."""
+    return {
+        "processor": _processor(),
+        "cores": _usable_cores(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "warp": wp.__version__,
+        "depthwarp": depthwarp.__version__,
+    }
+
+
+def _usable_cores() -> int | None:
+    if hasattr(os, "sched_getaffinity"):  # Linux: `taskset` limits them
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count()
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:  # not Linux
+        return platform.processor()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor()
