@@ -35,7 +35,7 @@ bench: .venv/peers-ready ## Splat speed beside Open3D and NumPy
 	@touch $@
 
 .venv/peers-ready: .venv/ready
-	$(PIP) "open3d>=0.19"
+	$(PIP) "open3d>=0.20"
 	@touch $@
 
 lock: ## Pin the newest versions again (needs uv)

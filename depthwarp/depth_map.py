@@ -102,7 +102,7 @@ class DepthMap:
     def save(self, path: str | os.PathLike[str], encoding: EncodingName | None = None) -> None:
         """Write the map; the suffix chooses the format.
 
-        `.png` and `.tiff` hold the depth alone, and a file `NAME.json` beside them says how to read
+        `.png` and `.tiff` hold the depth alone, and a file `NAME.png.json` beside it says how to read
         it (encoding, depth kind, camera, counts). `.npz` holds depth, index, state, the camera and
         the rest, and needs no second file. `.exr` holds float32 metres (extra `exr`).
 
@@ -114,6 +114,7 @@ class DepthMap:
         Raises:
             InputError: An unknown suffix or encoding, a depth that the encoding cannot hold, or a
                 file that cannot be written. Nothing is left behind.
+            OSError: The disk is full. Nothing is left behind.
         """
         from depthwarp.saving import save_depth_map
 

@@ -72,7 +72,7 @@ def save_depth_map(
     description = json.dumps(describe_depth_map(depth_map) | meaning, indent=2) + "\n"
     # Both files are complete before either gets its name.
     with ExitStack() as files:
-        sidecar = files.enter_context(atomic_path(path.with_suffix(".json")))
+        sidecar = files.enter_context(atomic_path(path.with_name(path.name + ".json")))
         image = files.enter_context(atomic_path(path))
         write(image)
         sidecar.write_text(description)

@@ -69,7 +69,7 @@ def test_png_holds_the_integers(tmp_path, depth_map, encoding):
     meaning = get_encoding(encoding or "range16", 8.0)
     assert image.dtype == np.uint16
     np.testing.assert_array_equal(image, encode_depth(depth_map.depth, meaning))
-    about = json.loads((tmp_path / "depth.json").read_text())
+    about = json.loads((tmp_path / "depth.png.json").read_text())
     assert about["encoding"] == (encoding or "range16") and about["dtype"] == "uint16"
     # Decoded by what the description says, without this package:
     decoded = eval(about["depth_m"], {"value": image.astype(np.float64)})
@@ -86,7 +86,7 @@ def test_tiff_holds_float32_metres(tmp_path, depth_map, suffix):
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     assert image.dtype == np.float32
     np.testing.assert_array_equal(image.view(np.uint32), depth_map.depth.view(np.uint32))
-    about = json.loads((tmp_path / "depth.json").read_text())
+    about = json.loads((tmp_path / f"depth{suffix}.json").read_text())
     assert (about["encoding"], about["dtype"], about["metres_per_unit"]) == ("metres", "float32", 1)
 
 
@@ -94,8 +94,8 @@ def test_tiff_holds_float32_metres(tmp_path, depth_map, suffix):
 def test_the_description_beside_an_image(tmp_path, depth_map, suffix):
     """NAME.json says what a reader has to know: kind, bounds, camera, counts, states."""
     depth_map.save(tmp_path / f"view.1{suffix}")
-    assert set(files_in(tmp_path)) == {f"view.1{suffix}", "view.1.json"}
-    about = json.loads((tmp_path / "view.1.json").read_text())
+    assert set(files_in(tmp_path)) == {f"view.1{suffix}", f"view.1{suffix}.json"}
+    about = json.loads((tmp_path / f"view.1{suffix}.json").read_text())
     assert about["format"] == "depthwarp depth map"
     assert about["version"] == dw.__version__
     assert (about["width"], about["height"], about["empty_value"]) == (40, 30, 0)
@@ -115,7 +115,7 @@ def test_the_description_beside_an_image(tmp_path, depth_map, suffix):
     np.testing.assert_allclose(
         again.project(points)[:3], depth_map.camera.project(points)[:3], rtol=1e-9, atol=1e-9
     )
-    assert saving.load_camera(tmp_path / "view.1.json") == depth_map.camera
+    assert saving.load_camera(tmp_path / f"view.1{suffix}.json") == depth_map.camera
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_descriptions_are_strict_json(tmp_path):
     def refuse(constant: str) -> None:
         raise AssertionError(f"{constant} is not JSON")
 
-    for name in ("depth.json", "other.json"):
+    for name in ("depth.tiff.json", "other.png.json"):
         about = json.loads((tmp_path / name).read_text(), parse_constant=refuse)
         assert about["max_range_m"] is None
 
@@ -186,7 +186,7 @@ def test_exr_holds_float32_metres(tmp_path, depth_map):
     with OpenEXR.File(str(tmp_path / "depth.exr")) as image:
         pixels = image.channels()["Z"].pixels
     np.testing.assert_array_equal(pixels, depth_map.depth)
-    assert json.loads((tmp_path / "depth.json").read_text())["encoding"] == "metres"
+    assert json.loads((tmp_path / "depth.exr.json").read_text())["encoding"] == "metres"
 
 
 def test_a_map_is_written_over(tmp_path, depth_map):
@@ -263,10 +263,10 @@ def test_a_folder_as_target_is_refused(tmp_path, depth_map, suffix):
 
 def test_a_folder_in_the_place_of_the_description_is_refused(tmp_path, depth_map):
     """Then the image is not written either."""
-    (tmp_path / "depth.json").mkdir()
-    with pytest.raises(InputError, match="depth.json: it is a folder"):
+    (tmp_path / "depth.png.json").mkdir()
+    with pytest.raises(InputError, match="depth.png.json: it is a folder"):
         depth_map.save(tmp_path / "depth.png")
-    assert [path.name for path in tmp_path.iterdir()] == ["depth.json"]
+    assert [path.name for path in tmp_path.iterdir()] == ["depth.png.json"]
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may write anywhere")
@@ -312,7 +312,7 @@ def test_a_failure_in_the_middle_leaves_nothing(tmp_path, depth_map, broken_writ
 def test_a_failure_in_the_middle_leaves_older_files(tmp_path, depth_map, broken_writers, suffix):
     """The older file and its older description stay, byte by byte."""
     (tmp_path / f"depth{suffix}").write_bytes(b"older image")
-    (tmp_path / "depth.json").write_bytes(b"older description")
+    (tmp_path / "depth.png.json").write_bytes(b"older description")
     before = files_in(tmp_path)
     with pytest.raises(broken_writers):
         depth_map.save(tmp_path / f"depth{suffix}")

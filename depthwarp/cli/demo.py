@@ -72,7 +72,7 @@ def demo(
             cloud.save(out / "cloud.ply")
             views[0].depth_map.save(out / "depth.png")
             views[0].depth_map.save(out / "depth.npz")
-        data = [out / name for name in ("cloud.ply", "depth.png", "depth.json", "depth.npz")]
+        data = [out / name for name in ("cloud.ply", "depth.png", "depth.png.json", "depth.npz")]
         figures = _draw_figures(reporter, cloud, views, out)
         _report(reporter, cloud, views[0].depth_map, [*data, *figures])
 

@@ -32,7 +32,7 @@ def demo(tmp_path_factory) -> tuple[Path, dict]:
 def test_it_writes_every_file_and_names_it(demo):
     """Cloud, depth map and one picture for each of the paper's figures, and nothing else."""
     folder, answer = demo
-    expected = {"cloud.ply", "depth.png", "depth.json", "depth.npz"}
+    expected = {"cloud.ply", "depth.png", "depth.png.json", "depth.npz"}
     expected |= {f"{name}.png" for name in FIGURES}
     assert {file.name for file in folder.iterdir()} == expected
     assert {Path(file).name for file in answer["files"]} == expected

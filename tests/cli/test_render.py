@@ -19,7 +19,7 @@ def test_it_writes_a_16_bit_image_and_says_how_to_read_it(run, wall, tmp_path):
     result = run("render", wall, "-o", output, *VIEW, "--filters", "none", "--depth", "z")
     assert result.exit_code == 0, result.stderr
     values = cv2.imread(str(output), cv2.IMREAD_UNCHANGED)
-    about = json.loads((tmp_path / "depth.json").read_text())
+    about = json.loads((tmp_path / "depth.png.json").read_text())
     assert values.dtype == np.uint16 and values.shape == (48, 64)
     depth = values * about["metres_per_unit"]
     assert about["depth_kind"] == "z"
@@ -101,7 +101,7 @@ def test_a_camera_can_be_taken_from_an_earlier_map(run, wall, tmp_path, name):
         "50",
     ]
     assert run("render", wall, "-o", first, *view, "--size", 40, 30).exit_code == 0
-    camera = first.with_suffix(".json") if name.endswith("png") else first
+    camera = Path(f"{first}.json") if name.endswith("png") else first
     assert run("render", wall, "-o", second, "--camera", camera).exit_code == 0
     third = tmp_path / "third.npz"
     assert run("render", wall, "-o", third, *view, "--size", 40, 30).exit_code == 0
