@@ -1,0 +1,174 @@
+"""Running a scan: turn, settle, take the frames, record the stop; safe on every way out."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from depthwarp.errors import DepthwarpError
+from depthwarp.scanner.axis import Axis
+from depthwarp.scanner.frames import (
+    Frame,
+    FrameSource,
+    FrameTimeoutError,
+    IncompleteFrameError,
+)
+from depthwarp.scanner.recording import OFF, Recording, Step, lit
+
+__all__ = ["ScanCancelledError", "ScanControl", "ScanProgress", "run_scan"]
+
+FRAME_TRIES = 3
+"""How often a frame is asked for before a late or damaged one ends the scan."""
+
+
+class ScanCancelledError(DepthwarpError):
+    """The scan was cancelled; what is recorded can be continued."""
+
+
+@dataclass(frozen=True)
+class ScanProgress:
+    """How far a scan is.
+
+    Attributes:
+        done: Finished stops, those of earlier runs included.
+        total: Stops of the plan.
+        angle: Reported angle of the last stop [degrees].
+        seconds_left: Expected time to the end [s], from the stops of this run.
+    """
+
+    done: int
+    total: int
+    angle: float
+    seconds_left: float
+
+
+class ScanControl:
+    """Pause, continue and cancel a running scan from another thread or a signal handler."""
+
+    def __init__(self) -> None:
+        self._go = threading.Event()
+        self._go.set()
+        self._cancelled = threading.Event()
+
+    def pause(self) -> None:
+        """Hold before the next stop; the laser is off meanwhile."""
+        self._go.clear()
+
+    def resume(self) -> None:
+        """Go on after `pause`."""
+        self._go.set()
+
+    def cancel(self) -> None:
+        """End the scan before the next frame."""
+        self._cancelled.set()
+        self._go.set()
+
+    def check(self) -> None:
+        """Wait while paused.
+
+        Raises:
+            ScanCancelledError: `cancel` was called.
+        """
+        self._go.wait()
+        if self._cancelled.is_set():
+            raise ScanCancelledError("the scan was cancelled; --resume continues it")
+
+
+def run_scan(
+    recording: Recording,
+    source: FrameSource,
+    axis: Axis,
+    *,
+    control: ScanControl | None = None,
+    progress: Callable[[ScanProgress], None] | None = None,
+) -> None:
+    """Take the stops that a recording still lacks, and record each as soon as it is complete.
+
+    The caller has opened source and axis. Whatever ends the scan, the motor stands and the laser is
+    off when this returns or raises.
+
+    Args:
+        recording: A new recording, or one to continue.
+        source: The camera, open.
+        axis: The motor, connected and referenced.
+        control: Pause and cancel.
+        progress: Called after every stop.
+
+    Raises:
+        ScanCancelledError: `control.cancel` was called.
+        FrameError: The camera is lost, or a frame failed several times.
+        AxisError: The axis is lost, in alarm, or restarted.
+        InputError: The disk refuses.
+    """
+    control = control or ScanControl()
+    plan, remaining = recording.plan, recording.remaining
+    begun = time.monotonic()
+    try:
+        for taken, number in enumerate(remaining, start=1):
+            control.check()
+            reported = axis.move_to(plan.angles[number])
+            time.sleep(plan.settle_s)
+            frames = _take_frames(recording, source, axis, control)
+            recording.append(Step(number, plan.angles[number], reported, frames))
+            if progress is not None:
+                pace = (time.monotonic() - begun) / taken
+                progress(
+                    ScanProgress(
+                        done=len(plan.angles) - len(remaining) + taken,
+                        total=len(plan.angles),
+                        angle=reported,
+                        seconds_left=pace * (len(remaining) - taken),
+                    )
+                )
+    finally:
+        axis.stop()
+
+
+def _take_frames(
+    recording: Recording, source: FrameSource, axis: Axis, control: ScanControl
+) -> dict[str, Frame]:
+    """The frames of one stop: without the laser, then with it, an exposure after another."""
+    plan = recording.plan
+    frames: dict[str, Frame] = {}
+    if plan.with_off_frame:
+        axis.set_laser(False)
+        source.configure(plan.exposures_us[0], plan.gain_db)
+        frames[OFF] = _grab(recording, source, control, plan.exposures_us[0])
+    axis.set_laser(True)
+    try:
+        for number, exposure in enumerate(plan.exposures_us):
+            source.configure(exposure, plan.gain_db)
+            frames[lit(number)] = _grab(recording, source, control, exposure)
+    finally:
+        axis.set_laser(False)
+    return frames
+
+
+def _grab(
+    recording: Recording, source: FrameSource, control: ScanControl, exposure_us: float
+) -> Frame:
+    """One frame of the size that the recording has; late and damaged ones are asked for again.
+
+    Raises:
+        FrameError: It failed several times, or the camera is gone.
+    """
+    timeout = recording.plan.frame_timeout_s + exposure_us * 1e-6
+    width, height = recording.source.size
+    for last_try in (False,) * (FRAME_TRIES - 1) + (True,):
+        control.check()
+        try:
+            frame = source.grab(timeout)
+        except (FrameTimeoutError, IncompleteFrameError):
+            if last_try:
+                raise
+            continue
+        if frame.pixels.shape[:2] == (height, width):
+            return frame
+        if last_try:
+            break
+    raise IncompleteFrameError(
+        f"the camera delivered a frame of {frame.pixels.shape[1]} x {frame.pixels.shape[0]} "
+        f"pixels, the scan has {width} x {height}: set the camera's region back to full size"
+    )
