@@ -35,7 +35,10 @@ def check_positive(name: str, value: float, unit: str = "") -> float:
 
 def check_finite_vector(name: str, values: Sequence[float], length: int) -> tuple[float, ...]:
     """Return `values` as a tuple of `length` finite floats."""
-    vector = tuple(float(value) for value in values)
+    try:
+        vector = tuple(float(value) for value in values)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be {length} numbers, got {values!r}") from error
     if len(vector) != length or not all(math.isfinite(value) for value in vector):
         raise InputError(f"{name} must be {length} finite numbers, got {vector}")
     return vector

@@ -43,7 +43,10 @@ def to_float32_points(
     if points.dtype == np.float32:
         return np.ascontiguousarray(points)
     if points.dtype != np.float64:
-        raise InputError(f"{name} must be float32 or float64, got {points.dtype}")
+        raise InputError(
+            f"{name} must be float32 or float64, got {points.dtype}: convert it, "
+            "points.astype(np.float32)"
+        )
     with np.errstate(over="ignore"):
         rounded = points.astype(np.float32)
     with np.errstate(invalid="ignore"):

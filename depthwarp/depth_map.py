@@ -88,6 +88,7 @@ class DepthMap:
         min_range: Smallest depth that was drawn [m].
         max_range: Largest depth that was drawn [m].
         stats: What became of every point of the cloud.
+        filters: The filters that were applied, in order, as text.
     """
 
     depth: npt.NDArray[np.float32]
@@ -98,13 +99,14 @@ class DepthMap:
     min_range: float
     max_range: float
     stats: RenderStats
+    filters: tuple[str, ...] = ()
 
     def save(self, path: str | os.PathLike[str], encoding: EncodingName | None = None) -> None:
         """Write the map; the suffix chooses the format.
 
-        `.png` and `.tiff` hold the depth alone, and a file `NAME.png.json` beside it says how to read
-        it (encoding, depth kind, camera, counts). `.npz` holds depth, index, state, the camera and
-        the rest, and needs no second file. `.exr` holds float32 metres (extra `exr`).
+        `.png`, `.tiff` and `.exr` (extra `exr`) hold the depth alone; a file beside it, its name
+        with `.json` added, says how to read it (encoding, depth kind, camera, counts). `.npz`
+        holds depth, index, state, the camera and the rest, and needs no second file.
 
         Args:
             path: File to write: `.png`, `.tiff`, `.tif`, `.exr` or `.npz`.
@@ -114,7 +116,6 @@ class DepthMap:
         Raises:
             InputError: An unknown suffix or encoding, a depth that the encoding cannot hold, or a
                 file that cannot be written. Nothing is left behind.
-            OSError: The disk is full. Nothing is left behind.
         """
         from depthwarp.saving import save_depth_map
 

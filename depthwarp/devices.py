@@ -13,6 +13,11 @@ from depthwarp.errors import CapacityError, DeviceError
 
 __all__ = ["check_memory", "free_memory", "resolve_device"]
 
+# A library does not write to its caller's stdout: Warp's greeting and its compile messages stay
+# away unless the program asks for them (wp.config.log_level, set after this import).
+if wp.config.log_level == wp.LOG_INFO:
+    wp.config.log_level = wp.LOG_WARNING
+
 
 def resolve_device(name: str | None) -> Any:
     """The Warp device of a name such as `"cpu"` or `"cuda:0"`; None is Warp's default device.

@@ -10,7 +10,8 @@ or not at all. Matplotlib is imported when a function is called. The arguments, 
   rectangle first; the last one is the depth plane;
 - `rotation`, (3, 3): the matrix R of equations (4) to (6); its rows are the camera's X, Y, Z axes;
 - `orientation`, (3,): the angles alpha, beta, gamma about X, Y and Z [degrees];
-- `depth`, (H, W): a depth map [m], 0 where it is empty; `path`: the PNG file to write.
+- `depth`, (H, W): a depth map [m], 0 where it is empty; `path`: the PNG file to write; `title`:
+  what stands above the picture.
 
 Each function raises `InputError` for an array that it cannot draw and a file that it cannot write,
 and `MissingExtraError` where matplotlib is not installed.
@@ -166,10 +167,10 @@ def _draw_view(axes: Any, position: Array, rectangles: Array) -> None:
     axes.scatter(*position, s=30, color=VIEW_COLOR, depthshade=False, zorder=5)
 
 
-def plot_point_cloud(points: Array, path: PngPath) -> None:
+def plot_point_cloud(points: Array, path: PngPath, title: str = "3D point cloud") -> None:
     """Draw a cloud in 3D, coloured by height (Figure 3)."""
     drawn = _finite(_checked(points, "points", "N", 3))
-    with _page(path, "3D point cloud") as figure:
+    with _page(path, title) as figure:
         axes = _axes_3d(figure, drawn, CLOUD_VIEW)
         _bar(figure, _dots(axes, drawn, c=drawn[:, 2], cmap=HEIGHT_MAP), "Z [m]")
 
@@ -180,7 +181,8 @@ def plot_rotated_cloud(points: Array, rotation: Array, path: PngPath) -> None:
     turn = _checked(rotation, "rotation", 3, 3)
     after = before @ turn.T
     yaw = float(np.arctan2(turn[1, 0], turn[0, 0]))
-    with _page(path, f"Rotated point cloud, {abs(np.degrees(yaw)):.0f}° about Z") as figure:
+    turned = f"{abs(np.degrees(yaw)):.0f}° {'counter-' if yaw > 0 else ''}clockwise about Z"
+    with _page(path, f"Point cloud (grey) and rotated into the camera's axes: {turned}") as figure:
         axes = _axes_3d(figure, np.concatenate([before, after]), CLOUD_VIEW)
         _dots(axes, before, color=GREY)
         _bar(figure, _dots(axes, after, c=after[:, 2], cmap=HEIGHT_MAP), "Z [m]")
@@ -222,24 +224,35 @@ def plot_range_view_angles(
             axes.text(*(apex + 1.15 * length * axis), text, **style)
 
 
-def plot_range_view(points: Array, position: ArrayLike, rectangles: Array, path: PngPath) -> None:
+def plot_range_view(
+    points: Array,
+    position: ArrayLike,
+    rectangles: Array,
+    path: PngPath,
+    title: str = "Constructed range view",
+) -> None:
     """Draw the range view in its cloud, which is coloured by height (Figure 6)."""
     drawn = _finite(_checked(points, "points", "N", 3))
     apex, view = _checked_view(position, rectangles)
-    with _page(path, "Constructed range view") as figure:
+    with _page(path, title) as figure:
         axes = _axes_3d(figure, np.concatenate([drawn, *view]), RANGE_VIEW)
         _bar(figure, _dots(axes, drawn, c=drawn[:, 2], cmap=HEIGHT_MAP), "Z [m]")
         _draw_view(axes, apex, view)
 
 
 def plot_segmented_points(
-    points: Array, selected: Array, position: ArrayLike, rectangles: Array, path: PngPath
+    points: Array,
+    selected: Array,
+    position: ArrayLike,
+    rectangles: Array,
+    path: PngPath,
+    title: str = "Segmented points",
 ) -> None:
     """Draw the points in the range view coloured by distance, others grey (Figures 8 and 14)."""
     cloud, (apex, view) = _checked(points, "points", "N", 3), _checked_view(position, rectangles)
     kept = _checked(selected, "selected", len(cloud)) > 0
     inside, outside = _finite(cloud[kept]), _finite(cloud[~kept], MOST_POINTS // 3)
-    with _page(path, "Segmented points") as figure:
+    with _page(path, title) as figure:
         axes = _axes_3d(figure, np.concatenate([inside, outside, *view]), RANGE_VIEW)
         _dots(axes, outside, color=GREY)
         distance = np.linalg.norm(inside - apex, axis=1)
@@ -257,14 +270,14 @@ def _depth_or_nan(depth: Array) -> tuple[Array, float, float]:
     return np.where(filled, checked, np.nan), float(near), max(float(far), float(near) + 1e-3)
 
 
-def plot_depth_map(depth: Array, path: PngPath) -> None:
+def plot_depth_map(depth: Array, path: PngPath, title: str = "Depth map") -> None:
     """Draw a depth map pixel for pixel: darker is closer, empty is black (Figures 11 and 13)."""
     shown, near, far = _depth_or_nan(depth)
     rows, columns = shown.shape
     zoom = max(1, 400 // max(rows, columns))  # a small map's pixels become squares
     height, width = rows * zoom, columns * zoom
     page = max(width, 300) + 230, height + 140
-    with _page(path, f"Depth map, {columns} x {rows} px", page) as figure:
+    with _page(path, f"{title}, {columns} x {rows} px, black: empty", page) as figure:
         axes = figure.add_axes((80 / page[0], 70 / page[1], width / page[0], height / page[1]))
         axes.set(xlabel="column [px]", ylabel="row [px]", facecolor="black")
         dark = near - (far - near) / 3  # keeps the nearest apart from the black of empty
@@ -274,10 +287,10 @@ def plot_depth_map(depth: Array, path: PngPath) -> None:
         bar.set_ylim(near, far)
 
 
-def plot_surf(depth: Array, path: PngPath) -> None:
+def plot_surf(depth: Array, path: PngPath, title: str = "Depth map as a surface") -> None:
     """Draw a depth map as a surface over (column, row) without empty cells (Figures 12 and 15)."""
     shown, near, far = _depth_or_nan(depth)
-    with _page(path, "Depth map as a surface") as figure:
+    with _page(path, title) as figure:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
         from mpl_toolkits.mplot3d.art3d import Poly3DCollection

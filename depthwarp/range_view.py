@@ -229,6 +229,7 @@ class RangeView:
         if distance == 0.0:
             raise InputError(
                 f"range view at {self.position}: none of the cloud's {len(cloud)} points is ahead, "
-                "so there is no depth plane: turn the view (orientation) or give depth_plane"
+                "so there is no depth plane: turn the view (orientation), or give depth_plane "
+                "(--depth-plane)"
             )
         return distance

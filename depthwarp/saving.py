@@ -60,7 +60,7 @@ def save_depth_map(
         MissingExtraError: `.exr` without the package OpenEXR.
     """
     path = Path(path)
-    suffix = check_output(path, encoding)
+    suffix = check_output(path, encoding, depth_map.max_range)
     if suffix == ".npz":
         with atomic_path(path) as temporary:
             _write_npz(temporary, depth_map)
@@ -78,18 +78,23 @@ def save_depth_map(
         sidecar.write_text(description)
 
 
-def check_output(path: Path, encoding: EncodingName | None = None) -> str:
+def check_output(path: Path, encoding: EncodingName | None = None, max_range: float = 15.0) -> str:
     """Return the suffix of a file that a depth map can be written to, before any work is done.
 
     Raises:
-        InputError: An unknown suffix, an encoding that the format has no use for, or a folder that
-            does not exist.
+        InputError: An unknown suffix, an encoding that the format has no use for or that cannot
+            hold `max_range`, or a folder that does not exist.
+        MissingExtraError: `.exr` without the package OpenEXR.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"cannot write {path}: suffix must be one of {', '.join(SUFFIXES)}")
     if encoding is not None and suffix != ".png":
         raise InputError(f"cannot write {path}: encoding is for .png, {suffix} is float32 metres")
+    if suffix == ".png":
+        get_encoding(encoding or "range16", max_range)
+    if suffix == ".exr":
+        _import_openexr()
     check_target(path)
     return suffix
 
@@ -122,6 +127,8 @@ def load_depth_map(path: str | os.PathLike[str]) -> DepthMap:
         FileFormatError: The file is not a depth map's NPZ.
     """
     try:
+        if Path(path).exists() and Path(path).suffix.lower() != ".npz":
+            raise ValueError("only a depth map saved as .npz can be loaded")
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             about = json.loads(str(arrays["about"]))
             max_range = about["max_range_m"]
@@ -134,6 +141,7 @@ def load_depth_map(path: str | os.PathLike[str]) -> DepthMap:
                 min_range=float(about["min_range_m"]),
                 max_range=math.inf if max_range is None else float(max_range),
                 stats=RenderStats(**about["counts"]),
+                filters=tuple(str(text) for text in about["filters"]),
             )
         _check_arrays(depth_map)
     except FileNotFoundError as error:
@@ -157,6 +165,7 @@ def describe_depth_map(depth_map: DepthMap) -> dict[str, Any]:
         "depth_kind": depth_map.kind,
         "min_range_m": depth_map.min_range,
         # JSON has no infinity: null is "no bound".
+        "filters": list(depth_map.filters),
         "max_range_m": depth_map.max_range if math.isfinite(depth_map.max_range) else None,
         "camera": _camera_to_dict(depth_map.camera),
         "counts": dict(depth_map.stats),
@@ -192,15 +201,22 @@ def _float_writer(
 def _write_image(file: Path, values: npt.NDArray[Any]) -> None:
     import cv2
 
-    if not cv2.imwrite(str(file), values):
+    done, content = cv2.imencode(file.suffix, values)
+    if not done:
         raise InputError(f"cannot write an image of {values.shape[1]} x {values.shape[0]} pixels")
+    file.write_bytes(content.tobytes())  # not cv2.imwrite: it cannot say that the disk is full
 
 
-def _write_exr(file: Path, depth: npt.NDArray[np.float32]) -> None:
+def _import_openexr() -> Any:
     try:
         import OpenEXR  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         raise MissingExtraError("writing .exr", "OpenEXR", "exr") from error
+    return OpenEXR
+
+
+def _write_exr(file: Path, depth: npt.NDArray[np.float32]) -> None:
+    OpenEXR = _import_openexr()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with OpenEXR.File(header, {"Z": depth}) as image:
         image.write(str(file))

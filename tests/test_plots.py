@@ -138,7 +138,7 @@ def test_a_target_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
         raise OSError("No space left on device")
 
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", full_disk)
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(InputError, match="figure.png: No space"):
         plots.plot_point_cloud(POINTS, tmp_path / "figure.png")
     assert not list(tmp_path.iterdir())
 

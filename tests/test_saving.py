@@ -286,7 +286,10 @@ class Broken(Exception):
 
 @pytest.fixture(params=[Broken, KeyboardInterrupt, OSError])
 def broken_writers(request, monkeypatch):
-    """Every writer writes a few bytes and fails; gives what it raises."""
+    """Every writer writes a few bytes and fails; gives what the caller meets.
+
+    An error of the file system, such as a full disk, is met as an InputError that names the file.
+    """
 
     def fail(file, *args, **kwargs) -> None:
         stream = file if hasattr(file, "write") else Path(file).open("wb")
@@ -296,8 +299,9 @@ def broken_writers(request, monkeypatch):
 
     monkeypatch.setattr(saving, "_write_image", fail)
     monkeypatch.setattr(saving, "_write_exr", fail)
+    monkeypatch.setattr(saving, "_import_openexr", lambda: None)
     monkeypatch.setattr(np, "savez", fail)
-    return request.param
+    return InputError if request.param is OSError else request.param
 
 
 @pytest.mark.parametrize("suffix", [*SUFFIXES, ".exr"])
@@ -312,7 +316,7 @@ def test_a_failure_in_the_middle_leaves_nothing(tmp_path, depth_map, broken_writ
 def test_a_failure_in_the_middle_leaves_older_files(tmp_path, depth_map, broken_writers, suffix):
     """The older file and its older description stay, byte by byte."""
     (tmp_path / f"depth{suffix}").write_bytes(b"older image")
-    (tmp_path / "depth.png.json").write_bytes(b"older description")
+    (tmp_path / f"depth{suffix}.json").write_bytes(b"older description")
     before = files_in(tmp_path)
     with pytest.raises(broken_writers):
         depth_map.save(tmp_path / f"depth{suffix}")
@@ -332,8 +336,8 @@ def test_a_failure_of_the_description_leaves_nothing(tmp_path, depth_map, monkey
 
 
 def test_an_image_that_opencv_refuses_is_an_error(tmp_path, depth_map, monkeypatch):
-    """`imwrite` only returns False; that is not taken for success."""
-    monkeypatch.setattr(cv2, "imwrite", lambda *args: False)
+    """`imencode` only returns False; that is not taken for success."""
+    monkeypatch.setattr(cv2, "imencode", lambda *args: (False, None))
     with pytest.raises(InputError, match="40 x 30"):
         depth_map.save(tmp_path / "depth.png")
     assert files_in(tmp_path) == {}

@@ -57,7 +57,10 @@ def demo(
     ),
     as_json: JsonOption = False,
 ) -> None:
-    """Scan a simulated room and draw the paper's figures; no hardware, no GPU."""
+    """Scan a simulated room and draw the paper's figures.
+
+    Needs no hardware and no GPU.
+    """
     reporter = Reporter(as_json)
 
     def command() -> None:
@@ -116,23 +119,52 @@ def _draw_figures(
     points, rotation = cloud.points_world[below_ceiling], first.range_view.pose.rotation
     edges = [_shown_rectangles(view) for view in views]
     selected = [view.range_view.segment(cloud)[below_ceiling] for view in views]
+    first_pose, second_pose = (
+        f"C_O = {orientation}" for orientation in ("(0, 0, 90)", "(0, 20, 50)")
+    )
     figures: dict[str, Callable[[Path], None]] = {
-        "fig03_point_cloud.png": partial(plots.plot_point_cloud, points),
+        "fig03_point_cloud.png": partial(
+            plots.plot_point_cloud, points, title="3D point cloud, the ceiling left out"
+        ),
         "fig04_rotated_cloud.png": partial(plots.plot_rotated_cloud, points, rotation),
         "fig05_range_view_angles.png": partial(
             plots.plot_range_view_angles, POSITION, edges[0], rotation, ORIENTATIONS[0]
         ),
-        "fig06_range_view.png": partial(plots.plot_range_view, points, POSITION, edges[0]),
+        "fig06_range_view.png": partial(
+            plots.plot_range_view,
+            points,
+            POSITION,
+            edges[0],
+            title="Constructed range view at P_C = (1.79, 3.3, 1.2)",
+        ),
         "fig08_segmented_points.png": partial(
-            plots.plot_segmented_points, points, selected[0], POSITION, edges[0]
+            plots.plot_segmented_points,
+            points,
+            selected[0],
+            POSITION,
+            edges[0],
+            title=f"Segmented points, {first_pose}",
         ),
-        "fig11_depth_map.png": partial(plots.plot_depth_map, first.depth_map.depth),
-        "fig12_surf.png": partial(plots.plot_surf, first.depth_map.depth),
-        "fig13_depth_map_2.png": partial(plots.plot_depth_map, second.depth_map.depth),
+        "fig11_depth_map.png": partial(
+            plots.plot_depth_map, first.depth_map.depth, title=f"Depth map, {first_pose}"
+        ),
+        "fig12_surf.png": partial(
+            plots.plot_surf, first.depth_map.depth, title=f"Depth map as a surface, {first_pose}"
+        ),
+        "fig13_depth_map_2.png": partial(
+            plots.plot_depth_map, second.depth_map.depth, title=f"Depth map, {second_pose}"
+        ),
         "fig14_segmented_points_2.png": partial(
-            plots.plot_segmented_points, points, selected[1], POSITION, edges[1]
+            plots.plot_segmented_points,
+            points,
+            selected[1],
+            POSITION,
+            edges[1],
+            title=f"Segmented points, {second_pose}",
         ),
-        "fig15_surf_2.png": partial(plots.plot_surf, second.depth_map.depth),
+        "fig15_surf_2.png": partial(
+            plots.plot_surf, second.depth_map.depth, title=f"Depth map as a surface, {second_pose}"
+        ),
     }
     for name, draw in figures.items():
         with reporter.stage("figures", f"drawing {out / name}"):
@@ -164,3 +196,4 @@ def _report(reporter: Reporter, cloud: PointCloud, depth_map: DepthMap, files: l
     reporter.say(f"{len(cloud):,} points, depth map {width} x {height} px, {len(files)} files:")
     for file in files:
         reporter.say(f"  {file}")
+    reporter.say(f"begin with {files[-5]}")

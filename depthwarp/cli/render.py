@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
+import numpy as np
 import typer
 
 from depthwarp.cli.guard import run_command
@@ -14,7 +15,7 @@ from depthwarp.cli.report import Reporter, quiet_warp
 from depthwarp.errors import InputError
 
 if TYPE_CHECKING:
-    from depthwarp.cameras import PinholeCamera
+    from depthwarp.cameras import PinholeCamera, PositionFrame
     from depthwarp.depth_map import DepthMap
     from depthwarp.encodings import EncodingName
     from depthwarp.range_view import RangeView
@@ -80,12 +81,17 @@ def render(
         float | None,
         typer.Option(metavar="M", help="Step of the range view's edges [m]; 0.01 unless given."),
     ] = None,
+    depth_plane: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Distance that the range view reaches, D_PD [m]."),
+    ] = None,
     position_frame: Annotated[
-        FrameChoice, typer.Option(help="Frame of the position; 'rotated' is the paper's reading.")
-    ] = FrameChoice.world,
+        FrameChoice | None,
+        typer.Option(help="Frame of the position: world unless given; rotated is the paper's."),
+    ] = None,
     camera: Annotated[
         Path | None,
-        typer.Option(help="Take the camera of a depth map's .json or .npz instead."),
+        typer.Option(help="Take pose and lens of a depth map's .json or .npz instead."),
     ] = None,
     depth: Annotated[
         DepthChoice, typer.Option(help="Euclidean range, or z along the optical axis.")
@@ -111,17 +117,21 @@ def render(
     reporter = Reporter(as_json)
 
     def command() -> None:
-        view = _view(camera, position, orientation, fov, size, q_depth_map, q_line, position_frame)
         quiet_warp()
         import depthwarp as dw
         from depthwarp.saving import check_output
 
+        pose = PoseOptions(position, orientation, fov, position_frame)
+        view = _view(camera, pose, size, RangeOptions(q_depth_map, q_line, depth_plane))
         encoding_name: EncodingName | None = None if encoding is None else encoding.value
-        check_output(output, encoding_name)
+        check_output(output, encoding_name, max_range)
+        _check_inputs_survive(output, cloud, camera)
         with reporter.stage("read", f"reading {cloud}"):
             points = dw.read(cloud, offset=offset)
         if len(points) == 0:
             raise InputError(f"{cloud} holds no points: there is nothing to render")
+        if not np.isfinite(points.points_world).all(axis=1).any():
+            raise InputError(f"{cloud}: not one of its {len(points)} points is finite")
         with reporter.stage("render", f"rendering {len(points):,} points"):
             depth_map = dw.render(
                 points,
@@ -139,15 +149,28 @@ def render(
     run_command(reporter, command)
 
 
+class PoseOptions(NamedTuple):
+    """The options that say pose and field of view."""
+
+    position: tuple[float, float, float] | None
+    orientation: tuple[float, float, float] | None
+    fov: tuple[float, float] | None
+    position_frame: FrameChoice | None
+
+
+class RangeOptions(NamedTuple):
+    """The options of the paper's range view."""
+
+    q_depth_map: float | None
+    q_line: float | None
+    depth_plane: float | None
+
+
 def _view(
     camera: Path | None,
-    position: tuple[float, float, float] | None,
-    orientation: tuple[float, float, float] | None,
-    fov: tuple[float, float] | None,
+    pose: PoseOptions,
     size: tuple[int, int] | None,
-    q_depth_map: float | None,
-    q_line: float | None,
-    position_frame: FrameChoice,
+    range_view: RangeOptions,
 ) -> PinholeCamera | RangeView:
     """The camera or range view that the options describe."""
     from depthwarp.cameras import PinholeCamera
@@ -155,30 +178,44 @@ def _view(
     from depthwarp.saving import load_camera
 
     if camera is not None:
-        if any(given is not None for given in (position, orientation, fov, size, q_depth_map)):
+        if any(given is not None for given in (*pose, size, *range_view)):
             raise InputError(
                 "--camera already says pose and lens: leave out --position, --orientation, --fov, "
-                "--size and --q-depth-map"
+                "--position-frame, --size and the options of the range view"
             )
         return load_camera(camera)
+    position, orientation, fov, frame = pose
     if position is None or orientation is None or fov is None:
         raise InputError(
             "give --position X Y Z, --orientation A B G and --fov H V, or --camera FILE"
         )
+    frame_name: PositionFrame = "world" if frame is None else frame.value
+    q_depth_map, q_line, depth_plane = range_view
     if (size is None) == (q_depth_map is None):
         raise InputError("give either --size W H or --q-depth-map M")
     if size is not None:
-        if q_line is not None:
-            raise InputError("--q-line is a step of the range view: it goes with --q-depth-map")
-        return PinholeCamera.from_fov(fov, size, position, orientation, position_frame.value)
+        if q_line is not None or depth_plane is not None:
+            raise InputError(
+                "--q-line and --depth-plane belong to the range view: they go with --q-depth-map"
+            )
+        return PinholeCamera.from_fov(fov, size, position, orientation, frame_name)
     return RangeView(
         position=position,
         orientation=orientation,
         fov=fov,
         q_line=0.01 if q_line is None else q_line,
         q_depth_map=q_depth_map or 0.0,
-        position_frame=position_frame.value,
+        position_frame=frame_name,
+        depth_plane=depth_plane,
     )
+
+
+def _check_inputs_survive(output: Path, *inputs: Path | None) -> None:
+    """Refuse an output that would replace one of the files that are read."""
+    written = {output.resolve(), output.with_name(output.name + ".json").resolve()}
+    for path in inputs:
+        if path is not None and path.resolve() in written:
+            raise InputError(f"cannot write {output}: it would replace {path}, which is read")
 
 
 def _report(reporter: Reporter, depth_map: DepthMap, output: Path) -> None:

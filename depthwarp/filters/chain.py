@@ -11,16 +11,32 @@ import warp as wp
 
 from depthwarp.depth_map import DepthMap
 from depthwarp.devices import resolve_device
+from depthwarp.errors import InputError
 from depthwarp.filters.dilation import dilate
 from depthwarp.filters.hidden import remove_hidden
 from depthwarp.filters.maps import DeviceMaps, Filter
 
-__all__ = ["apply", "paper"]
+__all__ = ["apply", "check_filters", "paper"]
 
 
 def paper() -> tuple[Filter, ...]:
     """The paper's chain: erase in a window of 10 px at 0.5 m, then dilation by 10 px."""
     return remove_hidden("paper", side=10, threshold=0.5), dilate("paper", side=10)
+
+
+def check_filters(filters: Sequence[Filter] | None) -> tuple[Filter, ...]:
+    """A chain as a tuple; None is the empty one.
+
+    Raises:
+        InputError: Not a sequence of filters.
+    """
+    if filters is None:
+        return ()
+    if not isinstance(filters, list | tuple) or not all(hasattr(f, "build") for f in filters):
+        raise InputError(
+            f"filters must be a list of filters such as dw.filters.paper(), got {filters!r}"
+        )
+    return tuple(filters)
 
 
 def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None = None) -> DepthMap:
@@ -31,6 +47,7 @@ def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None 
         filters: A chain such as `paper()`.
         device: Where to compute; None is Warp's default device.
     """
+    chain = check_filters(filters)
     target = resolve_device(device)
 
     def upload(values: npt.NDArray[Any], dtype: Any) -> Any:
@@ -41,11 +58,12 @@ def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None 
         index=upload(depth_map.index, wp.int32),
         state=upload(depth_map.state, wp.uint8),
     )
-    for step in filters:
+    for step in chain:
         step.build(maps)()
     return replace(
         depth_map,
         depth=maps.depth.numpy()[0],
         index=maps.index.numpy()[0],
         state=maps.state.numpy()[0],
+        filters=(*depth_map.filters, *map(repr, chain)),
     )

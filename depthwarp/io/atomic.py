@@ -33,7 +33,8 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
     the block raises, the temporary file is removed and an older `target` is left as it was.
 
     Raises:
-        InputError: The folder does not exist or cannot be written, or the target is a folder.
+        InputError: The folder does not exist or cannot be written, the target is a folder, or the
+            block met an error of the file system such as a full disk.
     """
     target = Path(target)
     check_target(target)
@@ -48,5 +49,9 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         yield temporary
         os.replace(temporary, target)
+    except OSError as error:
+        raise InputError(
+            f"cannot write {target}: {error.strerror or error}; make room or choose another folder"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)

@@ -133,6 +133,7 @@ class RenderPlan:
                 min_range=self._config.min_range,
                 max_range=self._config.max_range,
                 stats=_stats(self._total, counts[v]),
+                filters=tuple(map(repr, self._config.filters)),
             )
             for v, camera in enumerate(self._cameras)
         ]

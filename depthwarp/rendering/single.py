@@ -10,7 +10,7 @@ from depthwarp.cloud import PointCloud
 from depthwarp.depth_map import DepthMap
 from depthwarp.devices import check_memory, resolve_device
 from depthwarp.errors import InputError
-from depthwarp.filters import Filter
+from depthwarp.filters import Filter, check_filters
 from depthwarp.range_view import RangeView
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.plan import RenderPlan, ViewPlan
@@ -62,7 +62,7 @@ def render(
         raise InputError(
             f"cloud must be a PointCloud, got {type(cloud).__name__}: dw.PointCloud(points)"
         )
-    config = RenderConfig(depth, min_range, max_range, tuple(filters or ()))
+    config = RenderConfig(depth, min_range, max_range, check_filters(filters))
     target = resolve_device(device)
     if target.is_cuda:
         check_memory(

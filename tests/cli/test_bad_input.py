@@ -197,3 +197,59 @@ def test_a_defect_of_ours_exits_with_1(run, wall, tmp_path, monkeypatch):
     result = run("info", wall)
     assert result.exit_code == 1
     assert "boom" in result.stderr and "defect" in result.stderr
+
+
+def test_an_input_is_never_overwritten(run, tmp_path, wall_points):
+    """An output with the name of the cloud, or of the camera's file, is refused."""
+    cloud = tmp_path / "cloud.npz"
+    np.savez(cloud, points=wall_points)
+    before = cloud.read_bytes()
+    result = run("render", cloud, "-o", cloud, *VIEW)
+    assert result.exit_code == 2 and "would replace" in result.stderr
+    assert cloud.read_bytes() == before
+    assert run("render", cloud, "-o", tmp_path / "d.png", *VIEW).exit_code == 0
+    camera = tmp_path / "d.png.json"
+    before = camera.read_bytes()
+    result = run("render", cloud, "-o", tmp_path / "d.png", "--camera", camera)
+    assert result.exit_code == 2 and "would replace" in result.stderr
+    assert camera.read_bytes() == before
+
+
+def test_a_cloud_without_a_finite_point(run, out, tmp_path):
+    """NaN only: refused by name."""
+    path = tmp_path / "nan.xyz"
+    path.write_text("nan nan nan\nnan 0 0\n")
+    refuse(run, out, "render", path, "-o", out / "d.png", *VIEW, says=("nan.xyz", "finite"))
+
+
+def test_nothing_ahead_of_a_range_view(run, out, wall):
+    """The remedy that the message names works."""
+    view = ["--position", "0", "0", "0", "--orientation", "0", "0", "180", "--fov", "60", "60"]
+    arguments = ["render", wall, "-o", out / "d.png", *view, "--q-depth-map", "0.1"]
+    refuse(run, out, *arguments, says=("--depth-plane",))
+    assert run(*arguments, "--depth-plane", "3").exit_code == 0
+
+
+@pytest.mark.parametrize("option", [("--q-line", "0.1"), ("--position-frame", "rotated")])
+def test_no_option_is_ignored_beside_a_camera(run, out, wall, tmp_path, option):
+    """What --camera already says cannot be said again."""
+    assert run("render", wall, "-o", tmp_path / "d.npz", *VIEW).exit_code == 0
+    arguments = ["render", wall, "-o", out / "d.png", "--camera", tmp_path / "d.npz", *option]
+    refuse(run, out, *arguments, says=("--camera",))
+
+
+def test_an_encoding_that_cannot_hold_the_range_is_refused_before_reading(run, out):
+    """A 16-bit PNG has no value for an infinite range; the missing cloud is not even looked at."""
+    arguments = ["render", "missing.ply", "-o", out / "d.png", *VIEW, "--max-range", "inf"]
+    refuse(run, out, *arguments, says=("finite max_range",))
+
+
+def test_a_full_disk_is_said_with_the_file(run, out, wall, monkeypatch):
+    """The message names the file and the cause, and nothing is left behind."""
+
+    def full(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    arguments = ["render", wall, "-o", out / "d.png", *VIEW]
+    refuse(run, out, *arguments, says=("d.png", "No space left"))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -10,6 +12,7 @@ import numpy as np
 import pytest
 
 import depthwarp as dw
+from depthwarp.errors import InputError
 from tests.cli.conftest import VIEW
 
 
@@ -161,3 +164,34 @@ def test_map_coordinates_need_an_offset(run, wall_points, tmp_path):
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["counts"]["drawn"] > 1000
     assert np.abs(_read_offset(path) - wall_points).max() < 1e-5
+
+
+def test_the_library_writes_nothing_on_stdout(wall):
+    """A script's own output is not mixed with Warp's greeting."""
+    script = (
+        "import depthwarp as dw, sys; cloud = dw.read(sys.argv[1]);"
+        "camera = dw.PinholeCamera.from_fov((60, 60), (8, 8));"
+        "print(dw.render(cloud, camera, device='cpu').stats.total)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(wall)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "6400\n"
+
+
+def test_the_description_names_the_filters(run, wall, tmp_path):
+    """Who reads the file can see what was done to the map."""
+    run("render", wall, "-o", tmp_path / "d.npz", *VIEW)
+    filters = dw.DepthMap.load(tmp_path / "d.npz").filters
+    assert [text.partition("(")[0] for text in filters] == ["PaperErase", "Dilation"]
+    raw = dw.render(dw.read(wall), dw.DepthMap.load(tmp_path / "d.npz").camera)
+    assert raw.filters == ()
+    assert dw.filters.apply(raw, dw.filters.paper()).filters == filters
+
+
+@pytest.mark.parametrize("filters", ["paper", dw.filters.dilate(), [1]])
+def test_filters_must_be_a_list_of_filters(wall, filters):
+    """A name, a single filter or numbers are refused with an example."""
+    camera = dw.PinholeCamera.from_fov((60, 60), (8, 8))
+    with pytest.raises(InputError, match="dw.filters.paper"):
+        dw.render(dw.read(wall), camera, filters=filters)

@@ -72,7 +72,7 @@ def test_a_write_that_fails_leaves_the_older_file(tmp_path, suffix, monkeypatch)
 
     monkeypatch.setattr("depthwarp.io.ply.np.empty", full)
     monkeypatch.setattr("depthwarp.io.npz.npy.write_array", full)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(InputError, match=f"{path.name}: No space left"):
         CLOUD.save(path)
     assert path.read_bytes() == b"older"
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
