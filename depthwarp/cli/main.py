@@ -12,6 +12,8 @@ from depthwarp.cli.demo import demo
 from depthwarp.cli.doctor import doctor
 from depthwarp.cli.info import info
 from depthwarp.cli.render import render
+from depthwarp.cli.replay import replay
+from depthwarp.cli.scan import scan
 
 __all__ = ["app", "main"]
 
@@ -26,6 +28,8 @@ app = typer.Typer(
 app.command()(demo)
 app.command()(render)
 app.command()(info)
+app.command()(scan)
+app.command()(replay)
 app.command()(doctor)
 
 

@@ -7,12 +7,19 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
 __all__ = ["Reporter"]
 
@@ -41,6 +48,36 @@ class Reporter:
         else:
             self.say(text)
             yield
+        took = time.perf_counter() - start
+        self.seconds[name] = round(self.seconds.get(name, 0.0) + took, 4)
+
+    @contextmanager
+    def progress(self, name: str, text: str, total: int) -> Iterator[Callable[[int], None]]:
+        """Show how far a long step is, with the time left; give a function that takes the count.
+
+        Without a terminal a line is written about every tenth of the way.
+        """
+        start = time.perf_counter()
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+        )
+        with Progress(
+            *columns, console=self._console, disable=not self._console.is_terminal
+        ) as bar:
+            task = bar.add_task(escape(text), total=total)
+            tenths = -1
+
+            def update(done: int) -> None:
+                nonlocal tenths
+                bar.update(task, completed=done)
+                if not self._console.is_terminal and done * 10 // total > tenths:
+                    tenths = done * 10 // total
+                    self.say(f"{text}: {done} of {total}")
+
+            yield update
         took = time.perf_counter() - start
         self.seconds[name] = round(self.seconds.get(name, 0.0) + took, 4)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from depthwarp.cloud import PointCloud
 from depthwarp.errors import CapacityError, FileFormatError, InputError
+from depthwarp.io.atomic import check_target
 from depthwarp.io.columns import Offset
 from depthwarp.io.kitti import read_kitti
 from depthwarp.io.npz import read_npz, write_npz
@@ -16,7 +17,7 @@ from depthwarp.io.pcd import read_pcd
 from depthwarp.io.ply import read_ply, write_ply
 from depthwarp.io.text import read_pts, read_text
 
-__all__ = ["READERS", "WRITERS", "read", "write"]
+__all__ = ["READERS", "WRITERS", "check_writable", "read", "write"]
 
 READERS: dict[str, Callable[[Path, Offset | None], PointCloud]] = {
     ".ply": read_ply,
@@ -95,10 +96,19 @@ def write(cloud: PointCloud, path: str | os.PathLike[str]) -> None:
             cannot be written.
     """
     path = Path(path)
-    writer = WRITERS.get(path.suffix.lower())
-    if writer is None:
+    check_writable(path)
+    WRITERS[path.suffix.lower()](cloud, path)
+
+
+def check_writable(path: Path) -> None:
+    """Refuse a name that a cloud cannot be written to, before any work is done.
+
+    Raises:
+        InputError: An unknown suffix, or a folder that does not exist.
+    """
+    if path.suffix.lower() not in WRITERS:
         raise InputError(_unknown_suffix("write", path, WRITERS))
-    writer(cloud, path)
+    check_target(path)
 
 
 def _unknown_suffix(verb: str, path: Path, known: Iterable[str]) -> str:

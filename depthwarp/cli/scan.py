@@ -1,0 +1,225 @@
+"""`depthwarp scan`: turn the head, take the frames, record them, and make the cloud."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import depthwarp
+from depthwarp.cli.guard import run_command
+from depthwarp.cli.options import JsonOption
+from depthwarp.cli.report import Reporter, quiet_warp
+from depthwarp.errors import InputError
+
+if TYPE_CHECKING:
+    from depthwarp.scanner.axis import Axis
+    from depthwarp.scanner.calibration import ScannerCalibration
+    from depthwarp.scanner.frames import FrameSource
+    from depthwarp.scanner.plan import ScanPlan
+    from depthwarp.scanner.recording import Recording
+    from depthwarp.scanner.scan import ScanControl
+
+__all__ = ["scan"]
+
+TWIN = "twin"
+
+
+@dataclass(frozen=True)
+class Equipment:
+    """What a scan runs on, and the calibration that goes with it."""
+
+    source: FrameSource
+    axis: Axis
+    calibration: ScannerCalibration
+
+
+def scan(
+    out: Annotated[Path, typer.Option("-o", "--output", help="Folder of the recording.")],
+    axis: Annotated[
+        str, typer.Option(metavar="AXIS", help="grbl:PORT, horus:PORT, manual or twin.")
+    ] = TWIN,
+    camera: Annotated[
+        str,
+        typer.Option(
+            metavar="CAMERA", help="basler, basler:SERIAL, opencv:N, folder:PATH or twin."
+        ),
+    ] = TWIN,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Calibration file; the twin knows its own.")
+    ] = None,
+    stops: Annotated[int, typer.Option(help="Stops of the turn.")] = 400,
+    degrees: Annotated[float, typer.Option(help="Angle that the turn covers [degrees].")] = 360.0,
+    exposure: Annotated[
+        list[float] | None,
+        typer.Option(help="Exposure [us]; repeat it for a bracket. 2000 unless given."),
+    ] = None,
+    gain: Annotated[float, typer.Option(help="Gain [dB].")] = 0.0,
+    settle: Annotated[float, typer.Option(help="Standstill before a frame [s].")] = 0.05,
+    off_frame: Annotated[
+        bool, typer.Option(help="Take a frame without the laser at each stop.")
+    ] = True,
+    rotation: Annotated[
+        int, typer.Option(help="How far the camera is rolled clockwise [degrees].")
+    ] = 0,
+    position: Annotated[
+        tuple[float, float, float],
+        typer.Option(metavar="X Y Z", help="Where the head stands in the world [m]."),
+    ] = (0.0, 0.0, 0.0),
+    twin_scale: Annotated[
+        float, typer.Option(help="Size of the twin's sensor; 1 is 1942 x 2590 px.")
+    ] = 0.25,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the scan in the folder.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Scan one turn of the head into a recording and a cloud.
+
+    Without hardware, the twin scans a simulated room. Ctrl-C stops the motor, switches the laser
+    off, and leaves a recording that --resume continues.
+    """
+    reporter = Reporter(as_json)
+
+    def command() -> None:
+        quiet_warp()
+        from depthwarp.scanner.plan import ScanPlan
+
+        plan = ScanPlan.turn(
+            stops,
+            degrees,
+            exposures_us=tuple(exposure or (2000.0,)),
+            gain_db=gain,
+            settle_s=0.0 if axis == TWIN else settle,
+            with_off_frame=off_frame,
+        )
+        with ExitStack() as stack:
+            equipment = _equipment(stack, reporter, axis, camera, calibration, rotation, twin_scale)
+            recording = _run(stack, reporter, equipment, plan, out, resume, position)
+        _finish(reporter, recording, equipment.calibration, out)
+
+    run_command(reporter, command)
+
+
+def _equipment(
+    stack: ExitStack,
+    reporter: Reporter,
+    axis: str,
+    camera: str,
+    calibration: Path | None,
+    rotation: int,
+    twin_scale: float,
+) -> Equipment:
+    from depthwarp.scanner.axes import open_axis
+    from depthwarp.scanner.calibration import load_calibration
+    from depthwarp.scanner.sources import open_source
+    from depthwarp.scanner.twin.session import TwinScanner
+
+    if (axis == TWIN) != (camera == TWIN):
+        raise InputError("the twin's camera and axis belong together: give both, or neither")
+    if axis == TWIN:
+        with reporter.stage("twin", "building the twin and its room"):
+            twin = stack.enter_context(TwinScanner(twin_scale))
+        known = twin.calibration if calibration is None else load_calibration(calibration)
+        return Equipment(twin.camera, twin.axis, known)
+    if calibration is None:
+        raise InputError("a real scanner needs --calibration FILE; depthwarp calibrate makes one")
+    return Equipment(
+        open_source(camera, rotation=rotation),
+        open_axis(axis, ask=_ask, tell=reporter.say),
+        load_calibration(calibration),
+    )
+
+
+def _ask(question: str) -> float | None:
+    answer: str = typer.prompt(question, default="", show_default=False, err=True)
+    return float(answer) if answer.strip() else None
+
+
+def _run(
+    stack: ExitStack,
+    reporter: Reporter,
+    equipment: Equipment,
+    plan: ScanPlan,
+    out: Path,
+    resume: bool,
+    position: tuple[float, float, float],
+) -> Recording:
+    """Take the stops; the axis is connected last and closed first, whatever happens."""
+    from depthwarp.scanner.recording import Recording
+    from depthwarp.scanner.scan import ScanControl, run_scan
+
+    known = equipment.calibration
+    recording = Recording.open(out) if resume else None
+    stack.enter_context(equipment.source)
+    info = equipment.source.open()
+    known.require_camera(info)
+    if recording is None:
+        settings = {
+            "depthwarp": depthwarp.__version__,
+            "calibration_hash": known.content_hash,
+            "position": list(position),
+        }
+        recording = Recording.create(out, plan, info, settings)
+        known.save(out / "calibration.json")
+    else:
+        known.require_hash(recording.settings["calibration_hash"])
+        reporter.say(
+            f"continuing {out}: {len(recording.finished)} of {len(recording.plan.angles)} stops "
+            "are done; the head must stand where the scan began"
+        )
+    control = ScanControl()
+    with _cancel_on_signals(control), equipment.axis as axis:
+        axis.reference()
+        with reporter.progress("scan", "scanning", len(recording.plan.angles)) as update:
+            run_scan(
+                recording,
+                equipment.source,
+                axis,
+                control=control,
+                progress=lambda progress: update(progress.done),
+            )
+    return recording
+
+
+@contextmanager
+def _cancel_on_signals(control: ScanControl) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the scan in order: motor stopped, laser off, recording whole."""
+    wanted = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.getsignal(number) for number in wanted}
+    for number in wanted:
+        signal.signal(number, lambda *_: control.cancel())
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _finish(
+    reporter: Reporter, recording: Recording, calibration: ScannerCalibration, out: Path
+) -> None:
+    from depthwarp.scanner.processing import process_recording
+
+    with reporter.progress("process", "finding the line", len(recording.finished)) as update:
+        result = process_recording(recording, calibration, progress=lambda done, _: update(done))
+    result.cloud.save(out / "cloud.ply")
+    report_cloud(reporter, out / "cloud.ply", asdict(result.counts))
+
+
+def report_cloud(reporter: Reporter, path: Path, counts: dict[str, Any]) -> None:
+    """Say what a processed recording has become."""
+    if reporter.as_json:
+        reporter.result({"output": str(path), "counts": counts, "seconds": reporter.seconds})
+        return
+    reporter.say(
+        f"{path}: {counts['points']:,} points from {counts['stops']} stops; the line was found in "
+        f"{counts['rows_found']:,} of {counts['rows']:,} rows"
+    )
+    if counts["stops_without_line"]:
+        reporter.say(f"warning: {counts['stops_without_line']} stops show no line")
