@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,9 @@ import pytest
 
 from depthwarp import plots
 from depthwarp.errors import InputError, MissingExtraError
+from depthwarp.plots.layout import lay_out
+from depthwarp.scanner.geometry import TurningAxis, reference_geometry
+from depthwarp.scanner.triangulation import triangulate
 
 pytest.importorskip("matplotlib")
 
@@ -27,6 +32,19 @@ INSIDE = POINTS[:, 1] > 2
 DEPTH = np.zeros((6, 10), np.float32)
 DEPTH[1:5, 2:8] = np.linspace(2.0, 4.0, 24).reshape(4, 6)
 
+SCANNER = reference_geometry()
+NORMAL = SCANNER.plane_normal
+MIRRORED = replace(  # the laser to the left of the camera
+    SCANNER,
+    plane_normal=(NORMAL[0], 0.0, -NORMAL[2]),
+    plane_distance=-SCANNER.plane_distance,
+    axis=TurningAxis((0.0, -1.0, 0.0), (-0.5, 0.0, 0.0)),
+)
+FRAME = np.random.default_rng(2).integers(8, 20, (120, 90, 3)).astype(np.uint8)
+FRAME[:, 30:33, 1] = (60, 120, 70)
+ROWS = np.arange(4, 116, dtype=np.int32)
+COLUMNS = np.full(len(ROWS), 31.04)
+
 Draw = Callable[[Path], None]
 FULL: dict[str, Draw] = {
     "point_cloud": lambda path: plots.plot_point_cloud(POINTS, path),
@@ -35,6 +53,9 @@ FULL: dict[str, Draw] = {
     "range_view": lambda path: plots.plot_range_view(POINTS, POSITION, VIEW, path),
     "segmented": lambda path: plots.plot_segmented_points(POINTS, INSIDE, POSITION, VIEW, path),
     "surf": lambda path: plots.plot_surf(DEPTH, path),
+    "setup": lambda path: plots.plot_setup(SCANNER, path),
+    "mirrored_setup": lambda path: plots.plot_setup(MIRRORED, path),
+    "frame": lambda path: plots.plot_frame(FRAME, ROWS, COLUMNS, path),
 }
 NONE = np.zeros(0, bool)
 EMPTY: dict[str, Draw] = {
@@ -49,6 +70,10 @@ EMPTY: dict[str, Draw] = {
     "surf": lambda path: plots.plot_surf(np.zeros((3, 4)), path),
     "one_pixel": lambda path: plots.plot_surf(np.ones((1, 1)), path),
     "flat_surf": lambda path: plots.plot_surf(np.full((3, 4), 2.0), path),
+    "no_line": lambda path: plots.plot_frame(FRAME, [], [], path),
+    "black_frame": lambda path: plots.plot_frame(0 * FRAME, [0], [0], path),
+    "white_frame": lambda path: plots.plot_frame(0 * FRAME + 255, [119], [89], path),
+    "one_pixel_frame": lambda path: plots.plot_frame(FRAME[:1, :1], [0], [0.4], path),
 }
 
 
@@ -76,7 +101,7 @@ def test_empty_input_gives_a_picture(tmp_path, name):
     assert read(tmp_path / "figure.png").size > 0
 
 
-@pytest.mark.parametrize("name", ["point_cloud", "segmented", "surf"])
+@pytest.mark.parametrize("name", ["point_cloud", "segmented", "surf", "setup", "frame"])
 def test_drawing_twice_gives_the_same_picture(tmp_path, name):
     images = []
     for folder in ("first", "second"):
@@ -120,6 +145,64 @@ def test_the_surface_leaves_out_empty_cells_and_steps():
     assert cells[:, :, 1].max() == 2.0
 
 
+@pytest.mark.parametrize(("geometry", "side"), [(SCANNER, 1.0), (MIRRORED, -1.0)])
+def test_the_setup_shows_the_numbers_of_the_geometry(geometry, side):
+    """Baseline and toe-in are the reference's, and the drawn point is the one that is measured."""
+    setup = lay_out(geometry)
+    assert setup.baseline == pytest.approx(0.5)
+    assert setup.toe_in == pytest.approx(math.degrees(math.atan(0.85)))
+    assert setup.side == side
+    # Seen from above, the axis is at the origin and the laser on it; the camera looks up.
+    np.testing.assert_allclose(setup.above(setup.camera), (-0.5 * side, 0), atol=1e-12)
+    np.testing.assert_allclose(setup.above(setup.laser), (0, 0), atol=1e-12)
+    # In its own plane the laser starts at the origin, and the wall is ahead of it.
+    np.testing.assert_allclose(setup.aside(setup.laser), (0, 0), atol=1e-12)
+    assert setup.aside(setup.point)[0] > 1.0
+    column, row = setup.pixel
+    found = triangulate(geometry, [row], [column], 0.1, 0.0)
+    np.testing.assert_allclose(found.points_world[0], setup.point, atol=1e-6)
+    assert found.range_m[0] == pytest.approx(setup.range, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"plane_normal": (0.0, 0.0, 1.0)}, "plane_normal"),
+        ({"plane_normal": (1.0, 0.0, 0.0), "plane_distance": 0.0}, "plane_normal"),
+        ({"plane_normal": (0.1, 0.0, -math.sqrt(0.99))}, "nowhere in the camera's view"),
+        ({"lens": replace(SCANNER.lens, distortion=(-0.5, 0.0, 0.0, 0.0, 0.0))}, "no ray"),
+    ],
+)
+def test_a_scanner_that_cannot_measure_is_not_drawn(tmp_path, change, message):
+    with pytest.raises(InputError, match=message):
+        plots.plot_setup(replace(SCANNER, **change), tmp_path / "setup.png")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_frame_has_marks_along_its_line_and_nowhere_else(tmp_path):
+    """The frame is drawn upright and to scale: marks are where the points are."""
+    plots.plot_frame(FRAME, ROWS, COLUMNS, tmp_path / "frame.png")
+    drawn = read(tmp_path / "frame.png").astype(int)
+    blue, green, red = (drawn[:, :700, channel] for channel in range(3))
+    marks = (red > 180) & (green < 130) & (blue > 100)
+    scale = 745 / 120
+    top, left = 900 - 75 - 745, 85 + (600 - 90 * scale) / 2
+    rows, columns = np.nonzero(marks)
+    assert abs((columns.mean() - left) / scale - 0.5 - 31.04) < 0.2
+    assert abs((rows.min() - top) / scale - 0.5 - ROWS[0]) < 1.0
+    assert abs((rows.max() - top) / scale - 0.5 - ROWS[-1]) < 1.0
+    assert np.ptp(columns) < 12
+
+
+def test_a_frame_says_how_many_points_it_has_and_marks_80(tmp_path, monkeypatch):
+    texts = []
+    monkeypatch.setattr("matplotlib.figure.Figure.text", lambda *args, **_: texts.append(args[3]))
+    plots.plot_frame(FRAME, ROWS, COLUMNS, tmp_path / "frame.png", title="Stop 7")
+    plots.plot_frame(FRAME, ROWS[:9], COLUMNS[:9], tmp_path / "frame.png")
+    assert texts[0] == "Stop 7: 112 measured points, 80 of them marked"
+    assert texts[1] == "One measurement frame: 9 measured points, 9 of them marked"
+
+
 @pytest.mark.parametrize("name", FULL)
 def test_without_matplotlib_the_error_says_what_to_install(tmp_path, monkeypatch, name):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
@@ -158,6 +241,12 @@ def test_a_target_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
         ),
         (lambda path: plots.plot_depth_map(np.zeros(3), path), "depth"),
         (lambda path: plots.plot_surf(np.zeros((0, 4)), path), "depth"),
+        (lambda path: plots.plot_frame(FRAME[:, :, 0], ROWS, COLUMNS, path), "pixels_bgr"),
+        (lambda path: plots.plot_frame(FRAME[:0], [], [], path), "pixels_bgr"),
+        (lambda path: plots.plot_frame(FRAME / 255, ROWS, COLUMNS, path), "uint8"),
+        (lambda path: plots.plot_frame(FRAME, ROWS, COLUMNS[1:], path), "columns"),
+        (lambda path: plots.plot_frame(FRAME, [120], [0], path), "in the frame of 90 x 120"),
+        (lambda path: plots.plot_frame(FRAME, [0], [np.nan], path), "in the frame"),
     ],
 )
 def test_wrong_shapes_are_refused_by_name(tmp_path, draw, name):

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 import depthwarp
+from depthwarp.cli.calibrate import calibrate
 from depthwarp.cli.demo import demo
 from depthwarp.cli.doctor import doctor
 from depthwarp.cli.info import info
@@ -30,6 +31,7 @@ app.command()(render)
 app.command()(info)
 app.command()(scan)
 app.command()(replay)
+app.command()(calibrate)
 app.command()(doctor)
 
 

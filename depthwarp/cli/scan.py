@@ -77,6 +77,13 @@ def scan(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the scan in the folder.")
     ] = False,
+    at_start: Annotated[
+        bool,
+        typer.Option(
+            "--at-start",
+            help="With --resume: the head stands where the scan began (after a power cut).",
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Scan one turn of the head into a recording and a cloud.
@@ -100,7 +107,13 @@ def scan(
         )
         with ExitStack() as stack:
             equipment = _equipment(stack, reporter, axis, camera, calibration, rotation, twin_scale)
-            recording = _run(stack, reporter, equipment, plan, out, resume, position)
+            recording = (
+                _continue(stack, reporter, equipment, out)
+                if resume
+                else _begin(stack, equipment, plan, out, position)
+            )
+            # A controller that kept its position is believed; one that restarted says so itself.
+            _take(reporter, equipment, recording, reference=not resume or at_start)
         _finish(reporter, recording, equipment.calibration, out)
 
     run_command(reporter, command)
@@ -141,42 +154,58 @@ def _ask(question: str) -> float | None:
     return float(answer) if answer.strip() else None
 
 
-def _run(
+def _begin(
     stack: ExitStack,
-    reporter: Reporter,
     equipment: Equipment,
     plan: ScanPlan,
     out: Path,
-    resume: bool,
     position: tuple[float, float, float],
 ) -> Recording:
-    """Take the stops; the axis is connected last and closed first, whatever happens."""
+    """A new recording with the calibration in it."""
     from depthwarp.scanner.recording import Recording
+
+    info = stack.enter_context(equipment.source).open()
+    equipment.calibration.require_camera(info)
+    settings = {
+        "depthwarp": depthwarp.__version__,
+        "calibration_hash": equipment.calibration.content_hash,
+        "position": list(position),
+    }
+    recording = Recording.create(out, plan, info, settings)
+    equipment.calibration.save(out / "calibration.json")
+    return recording
+
+
+def _continue(stack: ExitStack, reporter: Reporter, equipment: Equipment, out: Path) -> Recording:
+    """The recording in the folder, if camera and calibration are the ones it was begun with."""
+    from depthwarp.scanner.recording import Recording
+
+    recording = Recording.open(out)
+    info = stack.enter_context(equipment.source).open()
+    if info != recording.source:
+        raise InputError(
+            f"{out} was begun with camera {recording.source.name} ({recording.source.serial}), "
+            f"this is {info.name} ({info.serial}): use that one, in the same setting"
+        )
+    equipment.calibration.require_hash(recording.settings["calibration_hash"])
+    reporter.say(
+        f"continuing {out}: {len(recording.finished)} of {len(recording.plan.angles)} stops are "
+        "done"
+    )
+    return recording
+
+
+def _take(
+    reporter: Reporter, equipment: Equipment, recording: Recording, *, reference: bool
+) -> None:
+    """Take the stops that are left; whatever happens, the axis is left safe."""
     from depthwarp.scanner.scan import ScanControl, run_scan
 
-    known = equipment.calibration
-    recording = Recording.open(out) if resume else None
-    stack.enter_context(equipment.source)
-    info = equipment.source.open()
-    known.require_camera(info)
-    if recording is None:
-        settings = {
-            "depthwarp": depthwarp.__version__,
-            "calibration_hash": known.content_hash,
-            "position": list(position),
-        }
-        recording = Recording.create(out, plan, info, settings)
-        known.save(out / "calibration.json")
-    else:
-        known.require_hash(recording.settings["calibration_hash"])
-        reporter.say(
-            f"continuing {out}: {len(recording.finished)} of {len(recording.plan.angles)} stops "
-            "are done; the head must stand where the scan began"
-        )
-    control = ScanControl()
+    control, total = ScanControl(), len(recording.plan.angles)
     with _cancel_on_signals(control), equipment.axis as axis:
-        axis.reference()
-        with reporter.progress("scan", "scanning", len(recording.plan.angles)) as update:
+        if reference:
+            axis.reference()
+        with reporter.progress("scan", "scanning", total) as update:
             run_scan(
                 recording,
                 equipment.source,
@@ -184,7 +213,6 @@ def _run(
                 control=control,
                 progress=lambda progress: update(progress.done),
             )
-    return recording
 
 
 @contextmanager

@@ -116,8 +116,13 @@ def reference_geometry(scale: float = 1.0) -> ScannerGeometry:
     through the laser.
 
     Args:
-        scale: Size of the sensor relative to the full one; the angles stay.
+        scale: Size of the sensor relative to the full one, 0.05 to 1; the angles stay.
+
+    Raises:
+        InputError: Another scale.
     """
+    if not 0.05 <= scale <= 1:
+        raise InputError(f"scale of the sensor must be from 0.05 to 1, got {scale}")
     focal, baseline = 1295.0 * scale, 0.5
     width, height = round(1942 * scale), round(2590 * scale)
     lens = Lens(

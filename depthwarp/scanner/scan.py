@@ -155,20 +155,27 @@ def _grab(
         FrameError: It failed several times, or the camera is gone.
     """
     timeout = recording.plan.frame_timeout_s + exposure_us * 1e-6
-    width, height = recording.source.size
-    for last_try in (False,) * (FRAME_TRIES - 1) + (True,):
+    tries = 1
+    while True:
         control.check()
         try:
-            frame = source.grab(timeout)
+            return _of_full_size(source.grab(timeout), recording)
         except (FrameTimeoutError, IncompleteFrameError):
-            if last_try:
+            if tries == FRAME_TRIES:
                 raise
-            continue
-        if frame.pixels.shape[:2] == (height, width):
-            return frame
-        if last_try:
-            break
-    raise IncompleteFrameError(
-        f"the camera delivered a frame of {frame.pixels.shape[1]} x {frame.pixels.shape[0]} "
-        f"pixels, the scan has {width} x {height}: set the camera's region back to full size"
-    )
+        tries += 1
+
+
+def _of_full_size(frame: Frame, recording: Recording) -> Frame:
+    """The frame, if it has the size of the recording.
+
+    Raises:
+        IncompleteFrameError: It has another one.
+    """
+    width, height = recording.source.size
+    if frame.pixels.shape[:2] != (height, width):
+        raise IncompleteFrameError(
+            f"the camera delivered a frame of {frame.pixels.shape[1]} x {frame.pixels.shape[0]} "
+            f"pixels, the scan has {width} x {height}: set the camera's region back to full size"
+        )
+    return frame

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -11,13 +12,23 @@ import numpy as np
 import pytest
 
 import depthwarp as dw
+from depthwarp.cli import demo_scan
 from tests.cli.conftest import invoke
 
 FIGURES = (
+    *("fig01_scanner", "fig02_frame"),
     *("fig03_point_cloud", "fig04_rotated_cloud", "fig05_range_view_angles", "fig06_range_view"),
     *("fig08_segmented_points", "fig11_depth_map", "fig12_surf", "fig13_depth_map_2"),
     *("fig14_segmented_points_2", "fig15_surf_2"),
 )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_turn() -> Iterator[None]:
+    """A turn of fewer stops: the whole chain at a tenth of its time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(demo_scan, "STOPS", 60)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +58,7 @@ def test_the_map_has_the_papers_size_and_comes_from_the_cloud(demo):
     points = cloud.points_world[depth_map.index[drawn]].astype(np.float64)
     distance = np.linalg.norm(points - (1.79, 3.3, 1.2), axis=1)
     assert np.abs(depth_map.depth[drawn] - distance).max() < 1e-5
-    assert np.array_equal(drawn, depth_map.depth > 0) and drawn.mean() > 0.7
+    assert np.array_equal(drawn, depth_map.depth > 0) and drawn.mean() > 0.2
     assert np.array_equal(drawn, np.isin(depth_map.state, (dw.State.MEASURED, dw.State.FILLED)))
     values = cv2.imread(str(folder / "depth.png"), cv2.IMREAD_UNCHANGED)
     assert np.abs(values / 65535 * 15 - depth_map.depth).max() <= 15 / 65535 / 2 + 1e-6

@@ -1,0 +1,87 @@
+"""Depth maps, pixel for pixel and as surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from depthwarp.errors import InputError
+from depthwarp.plots.page import (
+    DEPTH_MAP,
+    DISTANCE,
+    Array,
+    PngPath,
+    axes_3d,
+    check_shape,
+    color_bar,
+    open_page,
+)
+
+__all__ = ["plot_depth_map", "plot_surf"]
+
+MOST_CELLS, MOST_STEP = 240, 0.5
+"""Cells along the longer side of a surface, and depth [m] that one cell of it may span: things
+farther apart do not touch."""
+
+SURFACE_VIEW = (20.0, -70.0)
+"""Elevation and azimuth [degrees] to look at a surface from."""
+
+
+def _depth_or_nan(depth: Array) -> tuple[Array, float, float]:
+    """The map with NaN where it is empty, its nearest and its farthest depth [m], not the same."""
+    checked = check_shape(depth, "depth", "H", "W")
+    if checked.size == 0:
+        raise InputError(f"depth must have at least one pixel, got shape {checked.shape}")
+    filled = (checked > 0) & np.isfinite(checked)
+    near, far = np.quantile(checked[filled], (0, 1)) if filled.any() else (0.0, 1.0)
+    return np.where(filled, checked, np.nan), float(near), max(float(far), float(near) + 1e-3)
+
+
+def plot_depth_map(depth: Array, path: PngPath, title: str = "Depth map") -> None:
+    """Draw a depth map pixel for pixel: darker is closer, empty is black (Figures 11 and 13)."""
+    shown, near, far = _depth_or_nan(depth)
+    rows, columns = shown.shape
+    zoom = max(1, 400 // max(rows, columns))  # a small map's pixels become squares
+    height, width = rows * zoom, columns * zoom
+    page = max(width, 300) + 230, height + 140
+    with open_page(path, f"{title}, {columns} x {rows} px, black: empty", page) as figure:
+        axes = figure.add_axes((80 / page[0], 70 / page[1], width / page[0], height / page[1]))
+        axes.set(xlabel="column [px]", ylabel="row [px]", facecolor="black")
+        dark = near - (far - near) / 3  # keeps the nearest apart from the black of empty
+        image = axes.imshow(shown, "gray", vmin=dark, vmax=far, interpolation="none")
+        bar = axes.inset_axes((1 + 20 / width, 0, 16 / width, 1))
+        figure.colorbar(image, cax=bar, label=DISTANCE)
+        bar.set_ylim(near, far)
+
+
+def plot_surf(depth: Array, path: PngPath, title: str = "Depth map as a surface") -> None:
+    """Draw a depth map as a surface over (column, row) without empty cells (Figures 12 and 15)."""
+    shown, near, far = _depth_or_nan(depth)
+    with open_page(path, title) as figure:
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+        from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+        extent = np.array([[0, near, 0], [shown.shape[1], far, shown.shape[0]]])
+        labels = ("column [px]", "depth [m]", "row [px]")
+        deep = 0.8 * max(shown.shape) / (far - near)
+        axes = axes_3d(figure, extent, SURFACE_VIEW, labels, deep)
+        axes.invert_zaxis()
+        cells = _surface_cells(shown)
+        colors = ScalarMappable(Normalize(near, far), DEPTH_MAP)
+        faces = np.asarray(colors.to_rgba(cells[:, :, 1].mean(axis=1)))
+        slope = np.hypot(cells[:, 2, 1] - cells[:, 0, 1], cells[:, 3, 1] - cells[:, 1, 1])
+        faces[:, :3] *= (0.55 + 0.45 / (1.0 + (slope / 0.1) ** 2))[:, None]
+        axes.add_collection3d(Poly3DCollection(cells, facecolors=faces, edgecolors=faces, lw=0.3))
+        color_bar(figure, colors, DISTANCE)
+
+
+def _surface_cells(shown: Array) -> Array:
+    """Quads (column, depth, row), shape (M, 4, 3), between pixels, all drawn and near in depth."""
+    step = -(-max(shown.shape) // MOST_CELLS)
+    sampled = shown[::step, ::step]
+    row, column = np.meshgrid(*(step * np.arange(n) for n in sampled.shape), indexing="ij")
+    corner = np.stack([column, sampled, row], axis=-1)
+    around = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
+    cells = np.stack(around, axis=2).reshape(-1, 4, 3)
+    touching = np.ptp(cells[:, :, 1], axis=1) <= MOST_STEP  # False where a corner is empty
+    return np.asarray(cells[touching])
