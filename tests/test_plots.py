@@ -42,6 +42,7 @@ MIRRORED = replace(  # the laser to the left of the camera
 )
 FRAME = np.random.default_rng(2).integers(8, 20, (120, 90, 3)).astype(np.uint8)
 FRAME[:, 30:33, 1] = (60, 120, 70)
+FLOATS: Any = FRAME / 255
 ROWS = np.arange(4, 116, dtype=np.int32)
 COLUMNS = np.full(len(ROWS), 31.04)
 
@@ -243,7 +244,7 @@ def test_a_target_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
         (lambda path: plots.plot_surf(np.zeros((0, 4)), path), "depth"),
         (lambda path: plots.plot_frame(FRAME[:, :, 0], ROWS, COLUMNS, path), "pixels_bgr"),
         (lambda path: plots.plot_frame(FRAME[:0], [], [], path), "pixels_bgr"),
-        (lambda path: plots.plot_frame(FRAME / 255, ROWS, COLUMNS, path), "uint8"),
+        (lambda path: plots.plot_frame(FLOATS, ROWS, COLUMNS, path), "uint8"),
         (lambda path: plots.plot_frame(FRAME, ROWS, COLUMNS[1:], path), "columns"),
         (lambda path: plots.plot_frame(FRAME, [120], [0], path), "in the frame of 90 x 120"),
         (lambda path: plots.plot_frame(FRAME, [0], [np.nan], path), "in the frame"),

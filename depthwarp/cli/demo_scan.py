@@ -26,8 +26,8 @@ EXPOSURE_US = 2000.0
 QUARTER, FULL = 0.25, 1.0
 """Sizes of the twin's sensor; the full one has 1942 x 2590 pixels."""
 
-SHOWN_STOP = 12
-"""Hundredth of the turn at which Figure 2's frame is taken: the line lies on the table there."""
+SHOWN_STOP = 21
+"""Hundredth of the turn at which Figure 2's frame is taken: the line crosses furniture there."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def scan_room(reporter: Reporter, out: Path, scale: float) -> DemoScan:
     from depthwarp.scanner.laser import ColorTable, LineFinder
     from depthwarp.scanner.plan import ScanPlan
     from depthwarp.scanner.processing import fit_color_model, process_recording
-    from depthwarp.scanner.recording import OFF, Recording, lit
+    from depthwarp.scanner.recording import Recording
     from depthwarp.scanner.scan import run_scan
     from depthwarp.scanner.twin.session import TWIN_POSITION, TwinScanner
 
@@ -81,20 +81,18 @@ def scan_room(reporter: Reporter, out: Path, scale: float) -> DemoScan:
             result = process_recording(
                 recording, twin.calibration, model, progress=lambda done, _: update(done)
             )
-        frames = recording.step(STOPS * SHOWN_STOP // 100).frames
+        lit, off = recording.step(STOPS * SHOWN_STOP // 100).exposures[0]
         finder = LineFinder(ColorTable(model), info.size, info.pixel_format)
         return DemoScan(
             cloud=result.cloud,
             geometry=twin.calibration.geometry,
-            picture=_picture(frames[lit(0)]),
-            line=finder.find(frames[lit(0)], frames[OFF]),
+            picture=_picture(lit),
+            line=finder.find(lit, off),
         )
 
 
 def _picture(frame: Frame) -> NDArray[np.uint8]:
-    """An RGGB mosaic as a picture for people: demosaiced, the dark room made visible."""
+    """An RGGB mosaic as a colour picture."""
     import cv2
 
-    picture = cv2.cvtColor(frame.pixels, cv2.COLOR_BayerRGGB2BGR)
-    brightened: NDArray[np.uint8] = (255 * (picture / 255.0) ** 0.6).astype(np.uint8)
-    return brightened
+    return cv2.cvtColor(frame.pixels, cv2.COLOR_BayerRGGB2BGR).astype(np.uint8)

@@ -18,8 +18,8 @@ MAX_STEPS = 1_000_000
 class ScanPlan:
     """The stops of a scan and the frames of each.
 
-    At every stop the head stands still for `settle_s`, then one frame is taken with the laser off
-    (if `with_off_frame`) and one with it on for each exposure.
+    At every stop the head stands still for `settle_s`; then, for each exposure, one frame is taken
+    with the laser off (if `with_off_frame`) and one with it on.
 
     Attributes:
         angles: Commanded angles [degrees].
@@ -27,7 +27,7 @@ class ScanPlan:
             which every row of the line takes its best frame.
         gain_db: Gain of the camera [dB].
         settle_s: How long the head stands still before the first frame [s].
-        with_off_frame: Whether a frame without the laser is taken, to subtract ambient light.
+        with_off_frame: Whether frames without the laser are taken, to subtract ambient light.
         frame_timeout_s: How long a frame may take beyond its exposure [s].
 
     Raises:

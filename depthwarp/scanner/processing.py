@@ -16,12 +16,12 @@ from depthwarp.scanner.laser import (
     ColorTable,
     LaserColorModel,
     LineFinder,
-    LinePoints,
     NoLineError,
     fit_lit,
     fit_pairs,
 )
-from depthwarp.scanner.recording import OFF, Recording, Step, lit
+from depthwarp.scanner.line_rows import line_rows
+from depthwarp.scanner.recording import Recording
 from depthwarp.scanner.triangulation import LaserPoints, triangulate
 
 __all__ = ["ProcessingCounts", "ScanCloud", "fit_color_model", "process_recording"]
@@ -80,10 +80,12 @@ def fit_color_model(recording: Recording) -> LaserColorModel:
         raise InputError(f"{recording.folder} holds no finished stop: there is nothing to process")
     chosen = [finished[k * len(finished) // MODEL_STOPS] for k in range(MODEL_STOPS)]
     steps = [recording.step(number) for number in dict.fromkeys(chosen)]
-    longest = lit(int(np.argmax(recording.plan.exposures_us)))
-    if recording.plan.with_off_frame:
-        return fit_pairs([(step.frames[longest], step.frames[OFF]) for step in steps])
-    return fit_lit([step.frames[longest] for step in steps], "green")
+    longest = int(np.argmax(recording.plan.exposures_us))
+    frames = [step.exposures[longest] for step in steps]
+    pairs = [(on, without) for on, without in frames if without is not None]
+    if pairs:
+        return fit_pairs(pairs)
+    return fit_lit([on for on, _ in frames], "green")
 
 
 def process_recording(
@@ -119,10 +121,10 @@ def process_recording(
     total = len(recording.finished)
     for done, step in enumerate(recording.steps(), start=1):
         if finder is None:
-            first = step.frames[lit(0)]
+            first, _ = step.exposures[0]
             source = recording.source
             finder = LineFinder(ColorTable(model), source.size, source.pixel_format, first.bits)
-        line = _best_rows(finder, step, model)
+        line = line_rows(finder, step, is_paired=model.kind is ColorKind.DIFFERENCE)
         rows_found += len(line.rows)
         without_line += len(line.rows) == 0
         points = triangulate(
@@ -156,31 +158,6 @@ def process_recording(
         points=len(cloud),
     )
     return ScanCloud(cloud, counts)
-
-
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """The line of one stop: its best point in each row."""
-
-    rows: npt.NDArray[np.int32]
-    columns: npt.NDArray[np.float64]
-    sigma_px: npt.NDArray[np.float64]
-    peak: npt.NDArray[np.float64]
-
-
-def _best_rows(finder: LineFinder, step: Step, model: LaserColorModel) -> _Rows:
-    """The line of a stop; of a bracket each row takes the exposure that places it best."""
-    off = step.frames.get(OFF) if model.kind is ColorKind.DIFFERENCE else None
-    names = sorted(name for name in step.frames if name != OFF)
-    lines: Sequence[LinePoints] = [finder.find(step.frames[name], off) for name in names]
-    rows, columns, sigma, peak = (
-        np.concatenate([getattr(line, name) for line in lines])
-        for name in ("rows", "columns", "sigma_px", "peak")
-    )
-    order = np.lexsort((sigma, rows))  # by row, the smallest sigma first; stable
-    first = np.unique(rows[order], return_index=True)[1]
-    best = order[first]
-    return _Rows(rows[best], columns[best], sigma[best], peak[best])
 
 
 def _cloud(

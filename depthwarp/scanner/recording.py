@@ -28,10 +28,14 @@ from depthwarp.io.atomic import atomic_path
 from depthwarp.scanner.frames import Frame, PixelFormat, SourceInfo
 from depthwarp.scanner.plan import ScanPlan
 
-__all__ = ["OFF", "Recording", "Step", "lit"]
+__all__ = ["Recording", "Step", "lit", "off"]
 
 SCHEMA = "depthwarp scan 1"
-OFF = "off"
+
+
+def off(exposure: int) -> str:
+    """Name of the frame without the laser of exposure number `exposure` of the plan."""
+    return f"off{exposure}"
 
 
 def lit(exposure: int) -> str:
@@ -47,13 +51,19 @@ class Step:
         number: Index into the plan's angles.
         commanded: Angle that was asked for [degrees].
         reported: Angle at which the controller says the head stood [degrees].
-        frames: Frame by name: `OFF`, `lit(0)`, `lit(1)`, ...
+        frames: Frame by name: `off(0)`, `lit(0)`, `off(1)`, `lit(1)`, ...
     """
 
     number: int
     commanded: float
     reported: float
     frames: Mapping[str, Frame]
+
+    @property
+    def exposures(self) -> list[tuple[Frame, Frame | None]]:
+        """For each exposure of the plan the lit frame and the one without the laser, if any."""
+        count = sum(name.startswith("on") for name in self.frames)
+        return [(self.frames[lit(k)], self.frames.get(off(k))) for k in range(count)]
 
 
 class Recording:

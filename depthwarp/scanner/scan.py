@@ -15,7 +15,7 @@ from depthwarp.scanner.frames import (
     FrameTimeoutError,
     IncompleteFrameError,
 )
-from depthwarp.scanner.recording import OFF, Recording, Step, lit
+from depthwarp.scanner.recording import Recording, Step, lit, off
 
 __all__ = ["ScanCancelledError", "ScanControl", "ScanProgress", "run_scan"]
 
@@ -129,18 +129,24 @@ def run_scan(
 def _take_frames(
     recording: Recording, source: FrameSource, axis: Axis, control: ScanControl
 ) -> dict[str, Frame]:
-    """The frames of one stop: without the laser, then with it, an exposure after another."""
+    """The frames of one stop: each exposure without the laser, then each with it.
+
+    An exposure has a frame without the laser of its own: ambient light grows with the exposure.
+    """
     plan = recording.plan
     frames: dict[str, Frame] = {}
-    if plan.with_off_frame:
-        axis.set_laser(False)
-        source.configure(plan.exposures_us[0], plan.gain_db)
-        frames[OFF] = _grab(recording, source, control, plan.exposures_us[0])
-    axis.set_laser(True)
-    try:
+
+    def take(name: Callable[[int], str]) -> None:
         for number, exposure in enumerate(plan.exposures_us):
             source.configure(exposure, plan.gain_db)
-            frames[lit(number)] = _grab(recording, source, control, exposure)
+            frames[name(number)] = _grab(recording, source, control, exposure)
+
+    if plan.with_off_frame:
+        axis.set_laser(False)
+        take(off)
+    axis.set_laser(True)
+    try:
+        take(lit)
     finally:
         axis.set_laser(False)
     return frames

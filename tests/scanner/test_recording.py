@@ -17,7 +17,7 @@ import pytest
 from depthwarp.errors import FileFormatError, InputError
 from depthwarp.scanner.frames import Frame, PixelFormat, SourceInfo
 from depthwarp.scanner.plan import ScanPlan
-from depthwarp.scanner.recording import OFF, Recording, Step, lit
+from depthwarp.scanner.recording import Recording, Step, lit, off
 from tests.scanner.fakes import SIZE, FakeAxis, FakeSource
 from tests.scanner.scan_until_killed import STEPS
 
@@ -47,7 +47,7 @@ def begin(folder: Path, steps: int = 4) -> Recording:
 
 def take(recording: Recording, number: int) -> None:
     """Record a stop."""
-    frames = {OFF: frame(number), lit(0): frame(100 + number)}
+    frames = {off(0): frame(number), lit(0): frame(100 + number)}
     recording.append(Step(number, recording.plan.angles[number], 90.1 * number, frames))
 
 
@@ -57,14 +57,14 @@ def test_what_is_recorded_is_read_back(tmp_path):
     take(recording, 0)
     pixels = np.arange(SIZE[0] * SIZE[1], dtype=np.uint16).reshape(SIZE[::-1])
     odd = frame(pixels=pixels, bits=12, exposure_us=math.nan, camera_time_ns=7)
-    recording.append(Step(1, 90.0, 90.1125, {OFF: odd, lit(0): odd}))
+    recording.append(Step(1, 90.0, 90.1125, {off(0): odd, lit(0): odd}))
     again = Recording.open(tmp_path / "scan")
     assert again.plan == recording.plan and again.source == SOURCE
     assert again.settings == {"calibration": "abc"}
     assert again.finished == {0, 1} and again.remaining == [2, 3]
     first, second = again.steps()
     assert first.frames[lit(0)].pixels[0, 0] == 100 and first.reported == 0.0
-    found = second.frames[OFF]
+    found = second.frames[off(0)]
     assert np.array_equal(found.pixels, pixels) and found.pixels.dtype == np.uint16
     assert math.isnan(found.exposure_us) and found.camera_time_ns == 7 and found.bits == 12
     assert second.reported == 90.1125
@@ -126,14 +126,14 @@ def test_a_stop_twice_is_refused(tmp_path):
 def test_a_frame_that_is_not_what_was_recorded(tmp_path, damage):
     """A missing, changed or shortened frame is named with its stop."""
     take(begin(tmp_path), 0)
-    path = tmp_path / "frames" / "000000_off.npy"
+    path = tmp_path / "frames" / "000000_off0.npy"
     if damage == "missing":
         path.unlink()
     elif damage == "changed":
         np.save(path, np.load(path) + 1)
     else:
         path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(FileFormatError, match="frame 'off' of stop 0"):
+    with pytest.raises(FileFormatError, match="frame 'off0' of stop 0"):
         list(Recording.open(tmp_path).steps())
 
 
@@ -197,7 +197,7 @@ def test_a_scan_killed_fifty_times_equals_an_unbroken_one(tmp_path):
     assert killed_midway == 50
     subprocess.run([*command, tmp_path / "broken"], cwd=PROJECT, check=True, capture_output=True)
     whole = snapshot(tmp_path / "whole")
-    assert len(whole) == STEPS * 3
+    assert len(whole) == STEPS * 4
     assert snapshot(tmp_path / "broken") == whole
     names = {path.name for path in (tmp_path / "broken" / "frames").iterdir()}
     assert {name for name in names if not name.startswith(".")} == {

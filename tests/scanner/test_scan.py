@@ -28,15 +28,17 @@ def begin(folder: Path, source: FakeSource, steps: int = 5, **settings: object) 
 
 
 def test_a_stop_is_move_off_frame_lit_frames(tmp_path):
-    """The laser is off for the first frame of a stop, on for the bracket, off when moving."""
+    """Every exposure has a frame without the laser and one with it; it is off when moving."""
     axis = FakeAxis()
     source = FakeSource(axis)
     recording = begin(tmp_path, source, steps=2, exposures_us=(100.0, 400.0))
     run_scan(recording, source, axis)
-    assert source.laser_seen == [False, True, True] * 2
+    assert source.laser_seen == [False, False, True, True] * 2
     assert axis.log == ["move", "laser off", "laser on", "laser off"] * 2 + ["stop"]
     first, second = recording.steps()
-    assert first.frames["on1"].exposure_us == 400.0
+    for number, exposure in enumerate((100.0, 400.0)):
+        lit_frame, off_frame = first.exposures[number]
+        assert lit_frame.exposure_us == off_frame.exposure_us == exposure
     assert second.reported == 180.0
 
 
