@@ -27,10 +27,12 @@ from depthwarp.scanner.calibration import (
     parse_board,
 )
 from depthwarp.scanner.calibration.capture import take_placement
-from depthwarp.scanner.calibration.recorded import board_views, without_mirrored
-from depthwarp.scanner.frames import SourceInfo
+from depthwarp.scanner.calibration.mirrored import without_mirrored
+from depthwarp.scanner.calibration.recorded import board_views, fit_board_color
 from depthwarp.scanner.geometry import ScannerGeometry, reference_geometry
+from depthwarp.scanner.laser import LaserColorModel
 from depthwarp.scanner.plan import ScanPlan
+from depthwarp.scanner.recording import Recording
 from depthwarp.scanner.twin import TwinCamera
 from depthwarp.scanner.twin.board_hall import BOARD_PLACES, board_renderer
 
@@ -101,29 +103,28 @@ def twin_calibrated(
 ) -> tuple[ScannerCalibration, CalibrationReport]:
     """The calibration from the twin's pictures of a board in its first places."""
     views: list[BoardView] = []
+    model: LaserColorModel | None = None  # learned at the first place
     with SimulatedAxis() as axis, tempfile.TemporaryDirectory() as folder:
         axis.reference()
         for number in range(placements):
-            found, info = _placement_views(Path(folder) / str(number), truth, board, number, axis)
-            views += found
-    views, _ = without_mirrored(views, info.size)
-    return calibrate_views(views, board, info)
+            recording = _taken(Path(folder), truth, board, number, axis)
+            model = model or fit_board_color({number: recording})
+            views += board_views({number: recording}, board, model)[0]
+            for path in (recording.folder / "frames").iterdir():
+                path.unlink()
+    views, _ = without_mirrored(views, recording.source.size)
+    return calibrate_views(views, board, recording.source)
 
 
-def _placement_views(
+def _taken(
     folder: Path, truth: ScannerGeometry, board: Board, number: int, axis: SimulatedAxis
-) -> tuple[list[BoardView], SourceInfo]:
+) -> Recording:
+    """The recording of one place of the board."""
     place = BOARD_PLACES[number]
-    camera = TwinCamera(board_renderer(truth, board, place, seed=number), axis)
     stops = place.angles(float(board.points[:, 0].max()))
-    with camera:
-        info = camera.open()
-        plan = ScanPlan(stops, EXPOSURES_US, settle_s=0.0)
-        recording = take_placement(folder, number, plan, camera, info, axis, settings={})
-    views, _ = board_views({number: recording}, board)
-    for path in (recording.folder / "frames").iterdir():
-        path.unlink()
-    return views, info
+    plan = ScanPlan(stops, EXPOSURES_US, settle_s=0.0)
+    with TwinCamera(board_renderer(truth, board, place, seed=number), axis) as camera:
+        return take_placement(folder, number, plan, camera, camera.open(), axis, settings={})
 
 
 def _mrad(first: Sequence[float], second: Sequence[float]) -> float:

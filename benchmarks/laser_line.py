@@ -78,10 +78,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console.print(f"\n{WIDTH} x {HEIGHT}, raw numbers to points, median of {options.repeats}")
     console.print(table)
     worst = _compare_with_posterior(cases, console)
-    slowest = 1e3 * float(np.median(timings[0].wall_s))
+    slowest = max(1e3 * float(np.median(timing.wall_s)) for timing in timings[:2])
     console.print(
-        f"raw Bayer to points {slowest:.1f} ms (at most {TARGET_MS:.0f}), agreement at least "
-        f"{worst:.4%} (at least {TARGET_AGREEMENT:.1%})"
+        f"raw Bayer to points {slowest:.1f} ms (target {TARGET_MS:.0f}), agreement at least "
+        f"{worst:.4%} (target {TARGET_AGREEMENT:.1%})"
     )
     return 0 if slowest <= TARGET_MS and worst >= TARGET_AGREEMENT else 1
 

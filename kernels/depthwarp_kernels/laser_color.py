@@ -83,16 +83,17 @@ def log_sum(
 def is_laser(
     components: wp.array[ColorComponent],
     laser_count: wp.int32,
+    log_counts: wp.vec2d,
     color: wp.vec3d,
     least: wp.float64,
 ):
-    """Whether the log odds of a colour reach `least`."""
+    """Whether the log odds of a colour reach `least`; `log_counts` are of line and scene."""
     count = components.shape[0]
     laser = log_highest(components, 0, laser_count, color)
     scene = log_highest(components, laser_count, count, color)
-    if laser + wp.log(wp.float64(laser_count)) - scene < least:
+    if laser + log_counts[0] - scene < least:
         return False
-    if laser - (scene + wp.log(wp.float64(count - laser_count))) > least:
+    if laser - (scene + log_counts[1]) > least:
         return True
     laser = log_sum(components, 0, laser_count, color, laser)
     scene = log_sum(components, laser_count, count, color, scene)
@@ -110,6 +111,8 @@ def bake(
     words_out: wp.array[wp.uint64],
 ):
     word = wp.tid()
+    scene_count = components.shape[0] - laser_count
+    log_counts = wp.vec2d(wp.log(wp.float64(laser_count)), wp.log(wp.float64(scene_count)))
     bits = wp.uint64(0)
     for bit in range(64):
         color = wp.vec3d(
@@ -117,7 +120,7 @@ def bake(
             wp.float64(((word >> 6) & 63) * 4 + ((bit >> 2) & 3)),
             wp.float64((word & 63) * 4 + (bit & 3)),
         )
-        if is_laser(components, laser_count, color, least):
+        if is_laser(components, laser_count, log_counts, color, least):
             bits = bits | (wp.uint64(1) << wp.uint64(bit))
     words_out[word] = bits
 

@@ -70,7 +70,7 @@ def test_the_figures_are_pictures(demo):
     for name in FIGURES:
         picture = cv2.imread(str(folder / f"{name}.png"))
         assert min(picture.shape[:2]) >= 600, name
-        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50, name
+        assert len(np.unique(picture @ np.array([1, 256, 65536]))) > 50, name
 
 
 def test_two_runs_give_the_same_cloud_and_map(demo, tmp_path):

@@ -23,10 +23,11 @@ UNSEEN_WEIGHT = 1e-4  # of a component of the background that no sample is neede
 MAX_SAMPLES = 20_000  # of each class; more change the mixtures no more
 
 CORE_LEVEL = 250.0  # of 255: from here on the laser's channel counts as saturated
-CORE_FEW = 50  # saturated pixels, below which they do not make a component of their own
-CORE_OTHERS = 140.0  # level and deviation of the other channels in a core that was never seen:
-CORE_DEVIATION = 60.0  # anything from the laser's pure colour to white
-CORE_WEIGHT = 0.02
+FEWEST = 50  # pixels of the line and of the scene to learn from
+CORE_FEW = 20  # saturated pixels, below which they do not make a component of their own
+CORE_OTHERS, CORE_DEVIATION = 180.0, 60.0  # other channels of a core that was never seen
+CORE_OWN = {ColorKind.LIT: 5.0, ColorKind.DIFFERENCE: 30.0}  # deviation of its own channel
+CORE_WEIGHT = 0.1
 
 SEED_SHARE = 0.5  # of the brightest signal of its row: what is above is line
 SEED_NOISES = 6.0  # and above this many standard deviations of the noise
@@ -170,17 +171,17 @@ def _fit(samples: Sequence[_Sample], kind: ColorKind, prior: float, seed: int) -
     laser = np.concatenate([np.empty((0, 3)), *(s.colors[s.line] for s in samples)])
     lit = np.concatenate([np.empty((0, 3)), *(s.lit[s.line] for s in samples)])
     background = np.concatenate([np.empty((0, 3)), *(_scene_colors(s, rng) for s in samples)])
-    if len(laser) < CORE_FEW or len(background) < CORE_FEW:
+    if len(laser) < FEWEST or len(background) < FEWEST:
         raise InputError(
             f"too little to learn the laser's colour from: {len(laser)} pixels of the line and "
-            f"{len(background)} of the scene, need {CORE_FEW} of each; check that the laser is on, "
+            f"{len(background)} of the scene, need {FEWEST} of each; check that the laser is on, "
             "in view, and stands out in at least one frame"
         )
     chosen = _choose(len(laser), rng)
     channel = int(np.argmax(laser.mean(axis=0) - background.mean(axis=0)))
     in_core = lit[chosen, channel] >= CORE_LEVEL
     return LaserColorModel(
-        laser=_laser_mixture(laser[chosen], in_core, channel, seed),
+        laser=_laser_mixture(laser[chosen], in_core, kind, channel, seed),
         background=_background_mixture(background[_choose(len(background), rng)], seed),
         prior=prior,
         kind=kind,
@@ -212,30 +213,35 @@ def _background_mixture(colors: Colors, seed: int) -> GaussianMixture:
     )
 
 
-def _laser_mixture(colors: Colors, in_core: Mask, channel: int, seed: int) -> GaussianMixture:
-    """Components by EM for what is not saturated, and the core from what is.
-
-    Where (nearly) no core was seen, one is put where any sensor's would be: the laser's channel
-    full, the others somewhere below.
-    """
-    if in_core.sum() >= CORE_FEW:
-        core = fit_mixture(colors[in_core], 1, seed).mixture
-        weight = float(in_core.mean())
+def _laser_mixture(
+    colors: Colors, in_core: Mask, kind: ColorKind, channel: int, seed: int
+) -> GaussianMixture:
+    """Components by EM for what is not saturated, and the core from what is."""
+    if in_core.sum() < CORE_FEW:
+        core, weight, body = _usual_core(kind, channel), CORE_WEIGHT, colors
     else:
-        mean = np.full((1, 3), CORE_OTHERS)
-        mean[0, channel] = FULL_LEVEL
-        deviations = np.full(3, CORE_DEVIATION)
-        deviations[channel] = FULL_LEVEL - CORE_LEVEL
-        core = GaussianMixture(np.ones(1), mean, np.diag(deviations**2)[None])
-        weight = CORE_WEIGHT
-    if (~in_core).sum() < CORE_FEW:
+        core = fit_mixture(colors[in_core], 1, seed).mixture
+        weight, body = float(in_core.mean()), colors[~in_core]
+    if len(body) < FEWEST:
         raise InputError(
             "the laser line is saturated everywhere, its colour cannot be learned: shorten the "
             "exposure of the frames to learn from"
         )
-    body = fit_mixture(colors[~in_core], LASER_COMPONENTS - 1, seed).mixture
+    seen = fit_mixture(body, LASER_COMPONENTS - 1, seed).mixture
     return GaussianMixture(
-        weights=np.concatenate([(1.0 - weight) * body.weights, weight * core.weights]),
-        means=np.concatenate([body.means, core.means]),
-        covariances=np.concatenate([body.covariances, core.covariances]),
+        weights=np.concatenate([(1.0 - weight) * seen.weights, weight * core.weights]),
+        means=np.concatenate([seen.means, core.means]),
+        covariances=np.concatenate([seen.covariances, core.covariances]),
     )
+
+
+def _usual_core(kind: ColorKind, channel: int) -> GaussianMixture:
+    """The core that any sensor would show, for a line that was not seen saturated.
+
+    The laser's channel is full, in a difference less the light of the scene; the others are
+    anywhere from the laser's pure colour to white.
+    """
+    mean, deviations = np.full((1, 3), CORE_OTHERS), np.full(3, CORE_DEVIATION)
+    deviations[channel] = CORE_OWN[kind]
+    mean[0, channel] = FULL_LEVEL - (0.0 if kind is ColorKind.LIT else CORE_OWN[kind])
+    return GaussianMixture(np.ones(1), mean, np.diag(deviations**2)[None])

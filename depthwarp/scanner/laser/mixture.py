@@ -16,7 +16,7 @@ MIN_DEVIATION = 1.0
 whole levels, so nothing narrower can be told from them, and no component collapses on one."""
 
 MAX_STEPS = 200
-TOLERANCE = 1e-6  # of the mean log-likelihood a step
+TOLERANCE = 1e-5  # of the mean log-likelihood a step
 LLOYD_STEPS = 5  # of k-means, after the seeding
 
 Colors = npt.NDArray[np.float64]

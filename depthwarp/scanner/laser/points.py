@@ -89,8 +89,10 @@ class LinePoints:
     Attributes:
         rows: Row of the upright frame [px], shape (M,).
         columns: Column of the line's middle, pixel centres at whole numbers [px], shape (M,).
-        sigma_px: Standard deviation of the column from sensor noise [px], shape (M,). Speckle and
-            the roughness of a surface are not in it.
+        sigma_px: Standard deviation of the column from sensor noise [px], shape (M,): that of the
+            derivative filter's output, sqrt(sum of weight^2 * noise variance), over the steepness
+            with which the output crosses zero (first-order propagation; 0.01 px or more for what
+            is systematic added in squares). Speckle and the roughness of a surface are not in it.
         peak: Height of the line over its background, blurred [grey levels of 255], shape (M,).
         width_px: Width at half height [px], shape (M,).
         flags: Values of `PointFlag`, shape (M,).
