@@ -26,7 +26,7 @@ from depthwarp.scanner.calibration import (
     calibrate_views,
     parse_board,
 )
-from depthwarp.scanner.calibration.capture import take_placement
+from depthwarp.scanner.calibration.capture import require_one_camera, take_placement
 from depthwarp.scanner.calibration.mirrored import without_mirrored
 from depthwarp.scanner.calibration.recorded import board_views, fit_board_color
 from depthwarp.scanner.geometry import ScannerGeometry, reference_geometry
@@ -103,17 +103,18 @@ def twin_calibrated(
 ) -> tuple[ScannerCalibration, CalibrationReport]:
     """The calibration from the twin's pictures of a board in its first places."""
     views: list[BoardView] = []
+    recordings: dict[int, Recording] = {}
     model: LaserColorModel | None = None  # learned at the first place
     with SimulatedAxis() as axis, tempfile.TemporaryDirectory() as folder:
         axis.reference()
         for number in range(placements):
-            recording = _taken(Path(folder), truth, board, number, axis)
-            model = model or fit_board_color({number: recording})
-            views += board_views({number: recording}, board, model)[0]
-            for path in (recording.folder / "frames").iterdir():
+            recordings[number] = _taken(Path(folder), truth, board, number, axis)
+            model = model or fit_board_color(recordings)
+            views += board_views({number: recordings[number]}, board, model)[0]
+            for path in (recordings[number].folder / "frames").iterdir():
                 path.unlink()
-    views, _ = without_mirrored(views, recording.source.size)
-    return calibrate_views(views, board, recording.source)
+    views, _ = without_mirrored(views, truth.lens.size)
+    return calibrate_views(views, board, require_one_camera(recordings))
 
 
 def _taken(
