@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -20,12 +19,12 @@ from depthwarp.scanner.calibration.boards import (
     Board,
     BoardCorners,
     BoardNotFoundError,
-    Chessboard,
     Image,
 )
 from depthwarp.scanner.calibration.capture import require_one_camera
 from depthwarp.scanner.calibration.mirrored import without_mirrored
 from depthwarp.scanner.calibration.procedure import CalibrationReport, calibrate_views
+from depthwarp.scanner.calibration.saddles import grey_levels, refined_corners
 from depthwarp.scanner.calibration.store import ScannerCalibration
 from depthwarp.scanner.calibration.views import BoardView, keep_on_board
 from depthwarp.scanner.frames import Frame, PixelFormat
@@ -51,9 +50,6 @@ DEMOSAIC = {
     PixelFormat.BAYER_GBRG: cv2.COLOR_BayerGBRG2BGR,
     PixelFormat.BAYER_BGGR: cv2.COLOR_BayerBGGR2BGR,
 }
-
-SADDLE_WINDOW = 0.4
-"""Half the side of the window around a chessboard's corner, as a share of the corners' spacing."""
 
 EDGE_CONTRAST = 0.2
 """A peak that has more than this share of the board's contrast beside it lies on a print's edge."""
@@ -123,7 +119,7 @@ def board_views(
             finder = LineFinder(ColorTable(model), size, first.pixel_format, first.bits)
         image = picture(_board_frame(step))
         try:
-            corners = _corners(board, image)
+            corners = refined_corners(board, image)
         except BoardNotFoundError:
             skipped.append(
                 f"placement {number} at {step.reported:g} degrees: the board is not in view whole, "
@@ -177,29 +173,6 @@ def _board_frame(step: Step) -> Frame:
     return max(off, key=lambda frame: frame.exposure_us)
 
 
-def _corners(board: Board, image: npt.NDArray[Any]) -> BoardCorners:
-    """The board's corners; a chessboard's are moved to the saddles of the grey values.
-
-    OpenCV's chessboard search leaves errors of up to 0.15 px on tilted boards, its saddles a
-    fiftieth of a pixel. The library's ChArUco boards are refined already.
-    """
-    corners = board.detect(image)
-    if not isinstance(board, Chessboard):
-        return corners
-    grid = corners.pixels.reshape(board.rows, board.columns, 2)
-    spacing = min(float(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min()) for axis in (0, 1))
-    half = max(2, int(SADDLE_WINDOW * spacing))
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
-    start = corners.pixels.astype(np.float32).reshape(-1, 1, 2)
-    moved = cv2.cornerSubPix(_grey(image), start, (half, half), (-1, -1), criteria)
-    return BoardCorners(corners.points_board, np.asarray(moved, np.float64).reshape(-1, 2))
-
-
-def _grey(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    return np.asarray(grey, np.float32)
-
-
 def _view(
     corners: BoardCorners,
     line: LineRows,
@@ -236,7 +209,7 @@ def _is_plain(
     """
     if not len(pixels):
         return np.zeros(0, bool)
-    grey = _grey(image)
+    grey = grey_levels(image)
     u, v, wide, high = cv2.boundingRect(corners.pixels.astype(np.float32))
     part = grey[max(v, 0) : v + high, max(u, 0) : u + wide]
     contrast = float(np.ptp(np.quantile(part, (0.05, 0.95))))

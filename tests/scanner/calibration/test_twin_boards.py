@@ -8,12 +8,16 @@ import pytest
 from benchmarks.calibration import GeometryErrors, twin_calibrated
 from depthwarp.errors import InputError
 from depthwarp.scanner.calibration import (
+    BoardCorners,
+    BoardNotFoundError,
     CalibrationReport,
     CharucoBoard,
+    Chessboard,
     Grade,
     ScannerCalibration,
     parse_board,
 )
+from depthwarp.scanner.calibration.saddles import refined_corners
 from depthwarp.scanner.frames import PixelFormat
 from depthwarp.scanner.geometry import reference_geometry
 from depthwarp.scanner.twin import Sensor, Shot
@@ -80,6 +84,43 @@ def test_a_charuco_board_is_put_up_too():
     column, row = np.rint(found.points_board[:, :2] / board.square).astype(int).T
     index = column + (board.columns - 1) * row
     assert np.abs(found.pixels - printed[index]).max() < 0.15
+
+
+def test_a_chessboard_is_never_upside_down(monkeypatch: pytest.MonkeyPatch):
+    """Whichever end the search begins at, the corners come in the same order."""
+    renderer = board_renderer(TRUTH, BOARD, BOARD_PLACES[0], sensor=Sensor(PixelFormat.BGR))
+    image = renderer.render(Shot(20.0, False, 20_000.0))
+    found = refined_corners(BOARD, image)
+    search = Chessboard.detect
+
+    def from_the_other_end(board: Chessboard, image: np.ndarray) -> BoardCorners:
+        corners = search(board, image)
+        return BoardCorners(corners.points_board, np.ascontiguousarray(corners.pixels[::-1]))
+
+    monkeypatch.setattr(Chessboard, "detect", from_the_other_end)
+    again = refined_corners(BOARD, image)
+    np.testing.assert_allclose(again.pixels, found.pixels, atol=1e-3)
+    true = renderer.project(renderer.scene.boards[0].corners_world, 20.0)
+    if np.linalg.norm(found.pixels[0] - true[0]) > 5:
+        true = true[::-1]
+    assert np.abs(found.pixels - true).max() < 0.15
+
+
+def test_the_edge_of_the_pattern_is_no_row_of_corners(monkeypatch: pytest.MonkeyPatch):
+    """A grid that lies one square beside the true corners is refused, as OpenCV may find it."""
+    renderer = board_renderer(TRUTH, BOARD, BOARD_PLACES[0], sensor=Sensor(PixelFormat.BGR))
+    image = renderer.render(Shot(20.0, False, 20_000.0))
+    search = Chessboard.detect
+
+    def one_beside(board: Chessboard, image: np.ndarray) -> BoardCorners:
+        corners = search(board, image)
+        grid = corners.pixels.reshape(board.rows, board.columns, 2)
+        moved = np.concatenate([2 * grid[:, :1] - grid[:, 1:2], grid[:, :-1]], axis=1)
+        return BoardCorners(corners.points_board, moved.reshape(-1, 2))
+
+    monkeypatch.setattr(Chessboard, "detect", one_beside)
+    with pytest.raises(BoardNotFoundError, match="not in view whole"):
+        refined_corners(BOARD, image)
 
 
 def test_other_boards_are_refused():
