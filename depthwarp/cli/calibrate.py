@@ -13,7 +13,7 @@ import depthwarp
 from depthwarp.cli.guard import BAD_INPUT, run_command
 from depthwarp.cli.options import JsonOption
 from depthwarp.cli.report import Reporter, quiet_warp
-from depthwarp.cli.scan import TWIN, _ask, _cancel_on_signals
+from depthwarp.cli.scan import TWIN, ask_person, cancel_on_signals
 from depthwarp.errors import InputError
 
 if TYPE_CHECKING:
@@ -222,7 +222,7 @@ def _take_with_person(
     if not shooting.missing:
         return
     source = open_source(camera, rotation=rotation)
-    motor = open_axis(axis, ask=_ask, tell=reporter.say)
+    motor = open_axis(axis, ask=ask_person, tell=reporter.say)
     with source, motor as head:
         info = source.open()
         head.reference()
@@ -252,7 +252,7 @@ def _take(
     control = ScanControl()
     settings = {"depthwarp": depthwarp.__version__, "board": shooting.board.text}
     text = f"place {number + 1} of the board"
-    with _cancel_on_signals(control), reporter.progress("take", text, len(plan.angles)) as update:
+    with cancel_on_signals(control), reporter.progress("take", text, len(plan.angles)) as update:
         try:
             take_placement(
                 shooting.folder,

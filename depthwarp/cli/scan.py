@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from depthwarp.scanner.recording import Recording
     from depthwarp.scanner.scan import ScanControl
 
-__all__ = ["scan"]
+__all__ = ["ask_person", "cancel_on_signals", "report_cloud", "scan"]
 
 TWIN = "twin"
 
@@ -144,12 +144,13 @@ def _equipment(
         raise InputError("a real scanner needs --calibration FILE; depthwarp calibrate makes one")
     return Equipment(
         open_source(camera, rotation=rotation),
-        open_axis(axis, ask=_ask, tell=reporter.say),
+        open_axis(axis, ask=ask_person, tell=reporter.say),
         load_calibration(calibration),
     )
 
 
-def _ask(question: str) -> float | None:
+def ask_person(question: str) -> float | None:
+    """Ask the person at the terminal for a number; an empty answer is None."""
     answer: str = typer.prompt(question, default="", show_default=False, err=True)
     return float(answer) if answer.strip() else None
 
@@ -202,7 +203,7 @@ def _take(
     from depthwarp.scanner.scan import ScanControl, run_scan
 
     control, total = ScanControl(), len(recording.plan.angles)
-    with _cancel_on_signals(control), equipment.axis as axis:
+    with cancel_on_signals(control), equipment.axis as axis:
         if reference:
             axis.reference()
         with reporter.progress("scan", "scanning", total) as update:
@@ -216,7 +217,7 @@ def _take(
 
 
 @contextmanager
-def _cancel_on_signals(control: ScanControl) -> Iterator[None]:
+def cancel_on_signals(control: ScanControl) -> Iterator[None]:
     """Ctrl-C and SIGTERM end the scan in order: motor stopped, laser off, recording whole."""
     wanted = (signal.SIGINT, signal.SIGTERM)
     before = {number: signal.getsignal(number) for number in wanted}
