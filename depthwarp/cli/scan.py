@@ -75,7 +75,7 @@ def scan(
         float, typer.Option(help="Size of the twin's sensor; 1 is 1942 x 2590 px.")
     ] = 0.25,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue the scan in the folder.")
+        bool, typer.Option("--resume", help="Continue the scan in the folder, by its own plan.")
     ] = False,
     at_start: Annotated[
         bool,
@@ -191,7 +191,7 @@ def _continue(stack: ExitStack, reporter: Reporter, equipment: Equipment, out: P
     equipment.calibration.require_hash(recording.settings["calibration_hash"])
     reporter.say(
         f"continuing {out}: {len(recording.finished)} of {len(recording.plan.angles)} stops are "
-        "done"
+        "done; stops, exposures and gain are those that it was begun with"
     )
     return recording
 
