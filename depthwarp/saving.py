@@ -5,12 +5,9 @@ from __future__ import annotations
 import json
 import math
 import os
-import zipfile
-import zlib
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -23,6 +20,7 @@ from depthwarp.depth_map import DepthMap, RenderStats, State
 from depthwarp.encodings import EncodingName, encode_depth, get_encoding
 from depthwarp.errors import FileFormatError, InputError, MissingExtraError
 from depthwarp.io.atomic import atomic_path, check_target
+from depthwarp.io.npz import read_arrays
 
 __all__ = [
     "check_output",
@@ -34,19 +32,11 @@ __all__ = [
 
 SUFFIXES = (".png", ".tiff", ".tif", ".exr", ".npz")
 
-DAMAGE = (
-    KeyError,
-    ValueError,
-    TypeError,
-    EOFError,
-    zipfile.BadZipFile,
-    zlib.error,
-    RuntimeError,  # an encrypted or unknown way of packing
-    SyntaxError,  # these two: the text of an array's header
-    TokenError,
-    MemoryError,  # a header that claims more pixels than there is memory for
-)
-"""What reading an NPZ raises when it is damaged, or another file."""
+ARRAYS = ("depth", "index", "state", "camera", "about")
+"""What a depth map's NPZ holds; the last two are JSON."""
+
+KIND, REMEDY = "a depth map's NPZ", "write it with DepthMap.save"
+"""What a file that cannot be loaded ought to be, and what to do then."""
 
 
 def save_depth_map(
@@ -126,30 +116,33 @@ def load_depth_map(path: str | os.PathLike[str]) -> DepthMap:
         FileNotFoundError: There is no such file.
         FileFormatError: The file is not a depth map's NPZ.
     """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: there is no such file; check the name")
+    if path.suffix.lower() != ".npz":
+        raise FileFormatError(f"{path} is not {KIND} (its suffix is not .npz): {REMEDY}")
+    arrays = read_arrays(path, KIND, REMEDY)
     try:
-        if Path(path).exists() and Path(path).suffix.lower() != ".npz":
-            raise ValueError("only a depth map saved as .npz can be loaded")
-        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            about = json.loads(str(arrays["about"]))
-            max_range = about["max_range_m"]
-            depth_map = DepthMap(
-                depth=arrays["depth"],
-                index=arrays["index"],
-                state=arrays["state"],
-                camera=_camera_from_dict(json.loads(str(arrays["camera"]))),
-                kind=check_choice("depth_kind", about["depth_kind"], ("range", "z")),
-                min_range=float(about["min_range_m"]),
-                max_range=math.inf if max_range is None else float(max_range),
-                stats=RenderStats(**about["counts"]),
-                filters=tuple(str(text) for text in about["filters"]),
-            )
+        missing = [name for name in ARRAYS if name not in arrays]
+        if missing:
+            raise ValueError(f"no array '{missing[0]}'; it has {', '.join(arrays) or 'no arrays'}")
+        about = json.loads(str(arrays["about"]))
+        max_range = about["max_range_m"]
+        depth_map = DepthMap(
+            depth=arrays["depth"],
+            index=arrays["index"],
+            state=arrays["state"],
+            camera=_camera_from_dict(json.loads(str(arrays["camera"]))),
+            kind=check_choice("depth_kind", about["depth_kind"], ("range", "z")),
+            min_range=float(about["min_range_m"]),
+            max_range=math.inf if max_range is None else float(max_range),
+            stats=RenderStats(**about["counts"]),
+            filters=tuple(str(text) for text in about["filters"]),
+        )
         _check_arrays(depth_map)
-    except FileNotFoundError as error:
-        raise FileNotFoundError(f"{path}: there is no such file; check the name") from error
-    except DAMAGE as error:
-        raise FileFormatError(
-            f"{path} is not a depth map's NPZ ({error}): write it with DepthMap.save"
-        ) from error
+    # RecursionError: JSON that is nested without end.
+    except (KeyError, ValueError, TypeError, RecursionError) as error:
+        raise FileFormatError(f"{path} is not {KIND} ({error}): {REMEDY}") from error
     return depth_map
 
 

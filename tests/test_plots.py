@@ -15,6 +15,7 @@ import pytest
 
 from depthwarp import plots
 from depthwarp.errors import InputError, MissingExtraError
+from depthwarp.plots.depth import MOST_STEP, surface_cells
 from depthwarp.plots.layout import lay_out
 from depthwarp.scanner.geometry import TurningAxis, reference_geometry
 from depthwarp.scanner.triangulation import triangulate
@@ -140,8 +141,8 @@ def test_a_small_depth_map_is_drawn_in_squares(tmp_path):
 def test_the_surface_leaves_out_empty_cells_and_steps():
     shown = np.full((4, 5), 2.0)
     shown[0, 0] = np.nan
-    shown[:, 4] = 2.0 + 1.01 * plots.MOST_STEP
-    cells = plots._surface_cells(shown)
+    shown[:, 4] = 2.0 + 1.01 * MOST_STEP
+    cells = surface_cells(shown)
     assert cells.shape == (3 * 4 - 1 - 3, 4, 3)  # one beside the empty pixel, a column of steps
     assert cells[:, :, 1].max() == 2.0
 

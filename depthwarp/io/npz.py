@@ -19,7 +19,7 @@ from depthwarp.errors import FileFormatError, InputError
 from depthwarp.io.atomic import atomic_path
 from depthwarp.io.columns import Offset, points_from_columns
 
-__all__ = ["read_npz", "write_npz"]
+__all__ = ["read_arrays", "read_npz", "write_npz"]
 
 MEMBER_SUFFIX = ".npy"
 
@@ -35,21 +35,7 @@ def read_npz(path: Path, offset: Offset | None) -> PointCloud:
             one of Python objects (reading those could run code).
         InputError: Coordinates that float32 would move by more than 1 mm.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            arrays = {
-                member.filename.removesuffix(MEMBER_SUFFIX): _array(
-                    archive.read(member), member.filename, path
-                )
-                for member in archive.infolist()
-            }
-    except FileFormatError:
-        raise
-    # What zipfile raises for damage: encrypted or unknown methods are a RuntimeError.
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError) as error:
-        raise FileFormatError(
-            f"{path}: not a readable NPZ archive ({error}); copy the file again"
-        ) from error
+    arrays = read_arrays(path, "a readable NPZ archive", "copy the file again")
     if "points" not in arrays:
         raise FileFormatError(
             f"{path}: no array 'points'; it has {', '.join(arrays) or 'no arrays'}"
@@ -82,6 +68,35 @@ def write_npz(cloud: PointCloud, path: Path) -> None:
                 )
             with archive.open(name + MEMBER_SUFFIX, "w", force_zip64=True) as member:
                 npy.write_array(member, values, allow_pickle=False)
+
+
+def read_arrays(path: Path, kind: str, remedy: str) -> dict[str, npt.NDArray[Any]]:
+    """Read every array of an NPZ.
+
+    Args:
+        path: File to read.
+        kind: What the file ought to be, for the message when it is not.
+        remedy: What to do then.
+
+    Returns:
+        The arrays by their names, in the machine's byte order.
+
+    Raises:
+        FileFormatError: A damaged archive, or a member that is no array or one of Python objects.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {
+                member.filename.removesuffix(MEMBER_SUFFIX): _array(
+                    archive.read(member), member.filename, path
+                )
+                for member in archive.infolist()
+            }
+    except FileFormatError:
+        raise
+    # What zipfile raises for damage: encrypted or unknown methods are a RuntimeError.
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError) as error:
+        raise FileFormatError(f"{path} is not {kind} ({error}): {remedy}") from error
 
 
 def _array(data: bytes, name: str, path: Path) -> npt.NDArray[Any]:

@@ -26,8 +26,6 @@ from depthwarp.plots.clouds import (
     plot_rotated_cloud,
     plot_segmented_points,
 )
-from depthwarp.plots.depth import MOST_STEP as MOST_STEP
-from depthwarp.plots.depth import _surface_cells as _surface_cells
 from depthwarp.plots.depth import plot_depth_map, plot_surf
 from depthwarp.plots.frame import plot_frame
 from depthwarp.plots.page import require_matplotlib

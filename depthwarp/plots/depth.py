@@ -16,11 +16,13 @@ from depthwarp.plots.page import (
     open_page,
 )
 
-__all__ = ["plot_depth_map", "plot_surf"]
+__all__ = ["MOST_STEP", "plot_depth_map", "plot_surf", "surface_cells"]
 
-MOST_CELLS, MOST_STEP = 240, 0.5
-"""Cells along the longer side of a surface, and depth [m] that one cell of it may span: things
-farther apart do not touch."""
+MOST_CELLS = 240
+"""Cells along the longer side of a surface."""
+
+MOST_STEP = 0.5
+"""Depth [m] that one cell of a surface may span: things farther apart do not touch."""
 
 SURFACE_VIEW = (20.0, -70.0)
 """Elevation and azimuth [degrees] to look at a surface from."""
@@ -66,7 +68,7 @@ def plot_surf(depth: Array, path: PngPath, title: str = "Depth map as a surface"
         deep = 0.8 * max(shown.shape) / (far - near)
         axes = axes_3d(figure, extent, SURFACE_VIEW, labels, deep)
         axes.invert_zaxis()
-        cells = _surface_cells(shown)
+        cells = surface_cells(shown)
         colors = ScalarMappable(Normalize(near, far), DEPTH_MAP)
         faces = np.asarray(colors.to_rgba(cells[:, :, 1].mean(axis=1)))
         slope = np.hypot(cells[:, 2, 1] - cells[:, 0, 1], cells[:, 3, 1] - cells[:, 1, 1])
@@ -75,8 +77,16 @@ def plot_surf(depth: Array, path: PngPath, title: str = "Depth map as a surface"
         color_bar(figure, colors, DISTANCE)
 
 
-def _surface_cells(shown: Array) -> Array:
-    """Quads (column, depth, row), shape (M, 4, 3), between pixels, all drawn and near in depth."""
+def surface_cells(shown: Array) -> Array:
+    """The cells between the pixels of a map that a surface is drawn of.
+
+    Args:
+        shown: Depth [m], shape (H, W), NaN where it is empty.
+
+    Returns:
+        Corners (column, depth, row) of each cell, in order around it, shape (M, 4, 3): those with
+        no empty corner that span at most `MOST_STEP`.
+    """
     step = -(-max(shown.shape) // MOST_CELLS)
     sampled = shown[::step, ::step]
     row, column = np.meshgrid(*(step * np.arange(n) for n in sampled.shape), indexing="ij")

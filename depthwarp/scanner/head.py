@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from depthwarp.checks import check_finite_vector, check_positive
 from depthwarp.cloud import PointCloud
 from depthwarp.errors import InputError
 from depthwarp.scanner.room import Room
@@ -48,8 +49,8 @@ class RotatingHead:
     min_incidence: float = 3.0
 
     def __post_init__(self) -> None:
-        if len(self.position) != 3 or not all(math.isfinite(value) for value in self.position):
-            raise InputError(f"position must be three finite numbers, got {self.position}")
+        check_finite_vector("position", self.position, 3)
+        check_positive("max_range", self.max_range, "m")
         if self.frames < 1 or self.points_a_frame < 1:
             raise InputError(
                 "frames and points_a_frame must be at least 1, "
@@ -63,8 +64,6 @@ class RotatingHead:
         # Written so that NaN fails each of them.
         if not 0 < self.fan < 180:
             raise InputError(f"fan must be between 0 and 180 degrees, got {self.fan}")
-        if not 0 < self.max_range < math.inf:
-            raise InputError(f"max_range must be positive and finite, got {self.max_range}")
         if not 0 <= self.range_noise < math.inf:
             raise InputError(f"range_noise must be finite, at least 0, got {self.range_noise}")
         if not 0 <= self.min_incidence < 90:

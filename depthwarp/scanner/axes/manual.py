@@ -5,15 +5,15 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable
-from typing import Self
 
 from depthwarp.checks import check_finite_vector
-from depthwarp.scanner.axis import AxisError, AxisLostError, AxisState
+from depthwarp.scanner.axes.local import LocalAxis
+from depthwarp.scanner.axis import AxisError, AxisState
 
 __all__ = ["ManualAxis"]
 
 
-class ManualAxis:
+class ManualAxis(LocalAxis):
     """A head that a person turns, on a divided circle for example.
 
     Args:
@@ -23,16 +23,11 @@ class ManualAxis:
     """
 
     def __init__(self, ask: Callable[[str], float | None], tell: Callable[[str], None]) -> None:
+        super().__init__("manual axis")
         self._ask = ask
         self._tell = tell
-        self._connected = False
         self._laser_on = False
         self._angle = 0.0
-
-    def connect(self) -> str:
-        """See `Axis.connect`."""
-        self._connected = True
-        return "manual axis"
 
     def reference(self) -> None:
         """See `Axis.reference`."""
@@ -79,21 +74,3 @@ class ManualAxis:
             with contextlib.suppress(Exception):
                 self._tell("Switch the laser off.")
                 self._laser_on = False
-
-    def close(self) -> None:
-        """See `Axis.close`."""
-        self.stop()
-        self._connected = False
-
-    def __enter__(self) -> Self:
-        """Connect."""
-        self.connect()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Close, on every way out."""
-        self.close()
-
-    def _check(self) -> None:
-        if not self._connected:
-            raise AxisLostError("the manual axis is not connected: call connect() first")

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Self
 
 from depthwarp.checks import check_finite_vector, check_positive
 from depthwarp.scanner.axes.controller import AxisStoppedError
+from depthwarp.scanner.axes.local import LocalAxis
 from depthwarp.scanner.axes.motor import StepMotor
-from depthwarp.scanner.axis import AxisLostError, AxisState
+from depthwarp.scanner.axis import AxisState
 
 __all__ = ["SimulatedAxis"]
 
 
-class SimulatedAxis:
+class SimulatedAxis(LocalAxis):
     """An axis with a step grid and a speed ramp, whose true angle can be asked for.
 
     Made at its mark, it needs no `reference` before the first move.
@@ -33,12 +33,12 @@ class SimulatedAxis:
     def __init__(
         self, motor: StepMotor | None = None, *, speed: float = 30.0, real_time: bool = False
     ) -> None:
+        super().__init__("simulated axis")
         self.motor = motor if motor is not None else StepMotor()
         self.speed = check_positive("speed", speed, "degrees a second")
         self.laser_on = False
         self._real_time = real_time
         self._virtual_time_s = 0.0
-        self._connected = False
         self._lock = threading.Lock()
         self._stopped = threading.Event()
 
@@ -55,9 +55,8 @@ class SimulatedAxis:
 
     def connect(self) -> str:
         """See `Axis.connect`."""
-        self._connected = True
         self.laser_on = False
-        return "simulated axis"
+        return super().connect()
 
     def reference(self) -> None:
         """See `Axis.reference`."""
@@ -102,21 +101,3 @@ class SimulatedAxis:
         with self._lock:
             self.motor.halt(self.time_s)
             self._stopped.set()
-
-    def close(self) -> None:
-        """See `Axis.close`."""
-        self.stop()
-        self._connected = False
-
-    def __enter__(self) -> Self:
-        """Connect."""
-        self.connect()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Close, on every way out."""
-        self.close()
-
-    def _check(self) -> None:
-        if not self._connected:
-            raise AxisLostError("the simulated axis is not connected: call connect() first")
