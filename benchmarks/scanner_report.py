@@ -74,28 +74,20 @@ class Figures:
 
 
 def misses(figures: Figures) -> list[str]:
-    """The figures that a scan without speckle does not reach, in words.
-
-    The error budget knows the sensor's noise and not what saturation hides, so a saturated line
-    is held to its position alone.
-    """
-    is_saturated = "saturated" in figures.case
-    most_rms = MOST_RMS_SATURATED_PX if is_saturated else MOST_RMS_PX
+    """The figures that a scan without speckle does not reach, in words."""
+    most_rms = MOST_RMS_SATURATED_PX if "saturated" in figures.case else MOST_RMS_PX
     least_pull, most_pull = PULL_DEVIATIONS
     f = figures
     checks = [
         (f.rms_px > most_rms, f"RMS of {f.rms_px:.3f} px, to reach {most_rms} px"),
         (f.found_share < LEAST_FOUND, f"{f.found_share:.2%} found, to reach {LEAST_FOUND:.0%}"),
         (f.false_share >= MOST_FALSE, f"{f.false_share:.3%} false, to stay below {MOST_FALSE:.1%}"),
+        (f.median_pull > 1.0, f"median error of {f.median_pull:.2f} sigma, to stay within 1"),
+        (
+            not least_pull <= f.pull_deviation <= most_pull,
+            f"pull of {f.pull_deviation:.2f}, to lie in {least_pull} to {most_pull}",
+        ),
     ]
-    if not is_saturated:
-        checks += [
-            (f.median_pull > 1.0, f"median error of {f.median_pull:.2f} sigma, to stay within 1"),
-            (
-                not least_pull <= f.pull_deviation <= most_pull,
-                f"pull of {f.pull_deviation:.2f}, to lie in {least_pull} to {most_pull}",
-            ),
-        ]
     return [f"{f.case}: {text}" for is_missed, text in checks if is_missed]
 
 

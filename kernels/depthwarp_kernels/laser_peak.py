@@ -15,6 +15,8 @@ ROW_FOUND = wp.constant(4)
 
 BLUR_UNIT = 16  # sum of the blur 1 4 6 4 1
 BLURRED_UNIT = wp.constant(wp.float64(SIGNAL_UNIT * BLUR_UNIT))
+BLUR_VARIANCE = 1.0  # px^2
+EIGHT_LOG_2 = 5.545177444479562  # (width at half height / standard deviation)^2 of a Gaussian
 BLUR_NOISE = 0.2734375  # sum of its squared weights, each over the sum
 EDGE_MARGIN = wp.constant(wp.float64(0.75))  # widths that the derivative filter sees beside a line
 PAD = 6  # pixels beside a run of the mask in which the background is looked for
@@ -124,3 +126,11 @@ def measure_peak(
     elif peak.right > wp.float64(s.width - 1) - EDGE_MARGIN * width:
         peak.state = ROW_CUT
     return peak
+
+
+@wp.func
+def line_deviation(peak: Peak):
+    """Standard deviation of a Gaussian as wide as a peak was before the blur [px]."""
+    width = peak.right - peak.left
+    variance = width * width / wp.float64(EIGHT_LOG_2) - wp.float64(BLUR_VARIANCE)
+    return wp.sqrt(wp.max(variance, wp.float64(0.0)))

@@ -2,8 +2,7 @@
 
 The derivative of a Gaussian as wide as the line, correlated with the signal, crosses zero there
 (Canny 1986; the FIR filter of Forest, Salvi, Cabruja, Pous 2004). For a line narrower than a pixel
-it is the apex of a Gaussian through three pixels. `weights[scale, k]` is the filter's weight at
-distance k from its middle, `weights[scale, 0]` its reach.
+it is the apex of a Gaussian through three pixels.
 """
 
 from typing import Any
@@ -14,21 +13,30 @@ from depthwarp_kernels.laser_peak import BLURRED_UNIT, Peak
 from depthwarp_kernels.laser_signal import UNIT, SignalLayout, signal_at, variance_at
 
 
+# Derivative filters: `weights[scale, k]` is the weight at distance k from the middle,
+# `weights[scale, 0]` the reach; `limits` are the widest lines that each is for [px, standard
+# deviation].
+@wp.struct
+class Filters:
+    weights: wp.array2d[wp.int32]
+    limits: wp.array[wp.float64]
+
+
 @wp.func
 def slope_at(
     on: wp.array[Any],
     off: wp.array[Any],
     s: SignalLayout,
-    weights: wp.array2d[wp.int32],
+    filters: Filters,
     scale: wp.int32,
     row: wp.int32,
     column: wp.int32,
 ):
     """The derivative filter of a scale at a pixel: positive where the signal rises."""
     total = wp.int64(0)
-    for k in range(1, weights[scale, 0] + 1):
+    for k in range(1, filters.weights[scale, 0] + 1):
         rise = signal_at(on, off, s, row, column + k) - signal_at(on, off, s, row, column - k)
-        total += wp.int64(weights[scale, k]) * wp.int64(rise)
+        total += wp.int64(filters.weights[scale, k]) * wp.int64(rise)
     return total
 
 
@@ -37,15 +45,15 @@ def slope_variance(
     on: wp.array[Any],
     off: wp.array[Any],
     s: SignalLayout,
-    weights: wp.array2d[wp.int32],
+    filters: Filters,
     scale: wp.int32,
     row: wp.int32,
     column: wp.int32,
 ):
     """Noise variance of the derivative filter at a pixel, in its own units."""
     total = wp.float64(0.0)
-    for k in range(1, weights[scale, 0] + 1):
-        weight = wp.float64(weights[scale, k])
+    for k in range(1, filters.weights[scale, 0] + 1):
+        weight = wp.float64(filters.weights[scale, k])
         sides = variance_at(on, off, s, row, column - k)
         sides += variance_at(on, off, s, row, column + k)
         total += weight * weight * sides
@@ -60,7 +68,7 @@ def zero_crossing(
     on: wp.array[Any],
     off: wp.array[Any],
     s: SignalLayout,
-    weights: wp.array2d[wp.int32],
+    filters: Filters,
     scale: wp.int32,
     row: wp.int32,
     peak: Peak,
@@ -69,16 +77,16 @@ def zero_crossing(
     middle = wp.float64(0.5) * (peak.left + peak.right)
     column = wp.int32(wp.floor(middle + wp.float64(0.5)))
     reach = wp.int32(wp.float64(0.5) * (peak.right - peak.left)) + 2
-    here = slope_at(on, off, s, weights, scale, row, column)
+    here = slope_at(on, off, s, filters, scale, row, column)
     step = int(1)
     if here <= wp.int64(0):
         step = -1
-    there = slope_at(on, off, s, weights, scale, row, column + step)
+    there = slope_at(on, off, s, filters, scale, row, column + step)
     for _n in range(reach):
         if (here > wp.int64(0)) == (there > wp.int64(0)):
             column += step
             here = there
-            there = slope_at(on, off, s, weights, scale, row, column + step)
+            there = slope_at(on, off, s, filters, scale, row, column + step)
     if (here > wp.int64(0)) == (there > wp.int64(0)):
         return wp.vec2d(wp.float64(0.0), wp.float64(-1.0))
     d1 = wp.float64(here)
@@ -87,8 +95,8 @@ def zero_crossing(
         column -= 1
         d1 = wp.float64(there)
         d2 = wp.float64(here)
-    d0 = wp.float64(slope_at(on, off, s, weights, scale, row, column - 1))
-    d3 = wp.float64(slope_at(on, off, s, weights, scale, row, column + 2))
+    d0 = wp.float64(slope_at(on, off, s, filters, scale, row, column - 1))
+    d3 = wp.float64(slope_at(on, off, s, filters, scale, row, column + 2))
     c1 = (d2 - d1 * wp.float64(0.5)) - (d0 * wp.float64(2.0) + d3) / wp.float64(6.0)
     c2 = (d0 + d2) * wp.float64(0.5) - d1
     c3 = (d3 - d0) / wp.float64(6.0) + (d1 - d2) * wp.float64(0.5)
@@ -100,7 +108,7 @@ def zero_crossing(
             t = wp.clamp(t - value / steepness, wp.float64(0.0), wp.float64(1.0))
     steepness = wp.min((wp.float64(3.0) * c3 * t + wp.float64(2.0) * c2) * t + c1, d2 - d1)
     nearest = column + wp.int32(t + wp.float64(0.5))
-    variance = slope_variance(on, off, s, weights, scale, row, nearest)
+    variance = slope_variance(on, off, s, filters, scale, row, nearest)
     sigma = wp.sqrt(variance) / -steepness
     return wp.vec2d(wp.float64(column) + t, sigma)
 
@@ -159,7 +167,7 @@ def position_of(
     on: wp.array[Any],
     off: wp.array[Any],
     s: SignalLayout,
-    weights: wp.array2d[wp.int32],
+    filters: Filters,
     scale: wp.int32,
     row: wp.int32,
     peak: Peak,
@@ -170,5 +178,5 @@ def position_of(
         apex = gauss_apex(on, off, s, row, peak)
         if apex[1] >= wp.float64(0.0):
             return wp.vec3d(apex[0], apex[1], wp.float64(1.0))
-    crossing = zero_crossing(on, off, s, weights, scale, row, peak)
+    crossing = zero_crossing(on, off, s, filters, scale, row, peak)
     return wp.vec3d(crossing[0], crossing[1], wp.float64(0.0))

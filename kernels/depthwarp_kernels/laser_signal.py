@@ -18,8 +18,9 @@ MOSAIC_RED_OR_BLUE = wp.constant(2)
 
 # A frame lies flat, `row_step` numbers a row. `own` is the laser's channel of BGR, of whose others
 # `suppression` / 32 each is taken away; for a mosaic `row_phase` and `column_phase` are the
-# parities of a site of the channel. `full` is full scale. The variance of a number v is
-# read_variance + shot_variance * v.
+# parities of a site of the channel. What a mosaic leaves out of green comes from the sites `reach`
+# rows above and below, `lean` columns to the left and right. `full` is full scale. The variance of
+# a number v is read_variance + shot_variance * v.
 @wp.struct
 class SignalLayout:
     kind: wp.int32
@@ -30,6 +31,8 @@ class SignalLayout:
     suppression: wp.int32
     row_phase: wp.int32
     column_phase: wp.int32
+    reach: wp.int32
+    lean: wp.int32
     is_paired: wp.int32
     full: wp.int32
     read_variance: wp.float64
@@ -59,21 +62,23 @@ def row_of_sites(numbers: wp.array[Any], s: SignalLayout, row: wp.int32, column:
     return 9 * near - far
 
 
-# The line runs along the columns, so what a mosaic leaves out comes from the rows above and below:
-# that shifts nothing along the row, also where the line is narrower than the mosaic's pitch.
+# What a mosaic leaves out comes from rows above and below, along the line: that shifts nothing
+# along the row, also where the line is narrower than the mosaic's pitch.
 @wp.func
 def own_at(numbers: wp.array[Any], s: SignalLayout, row: wp.int32, column: wp.int32):
     """The laser's own channel at a pixel, in units of `SIGNAL_UNIT`; columns may lie outside."""
     column = mirror(column, s.width)
     if s.kind == BGR:
         return 32 * wp.int32(numbers[row * s.row_step + 3 * column + s.own])
-    above = mirror(row - 1, s.height)
-    below = mirror(row + 1, s.height)
     if s.kind == MOSAIC_GREEN:
         if ((row + column) & 1) == s.column_phase:
             return 32 * wp.int32(numbers[row * s.row_step + column])
-        sides = wp.int32(numbers[above * s.row_step + column])
-        return 16 * (sides + wp.int32(numbers[below * s.row_step + column]))
+        first = mirror(row - s.reach, s.height) * s.row_step
+        sides = wp.int32(numbers[first + mirror(column - s.lean, s.width)])
+        first = mirror(row + s.reach, s.height) * s.row_step
+        return 16 * (sides + wp.int32(numbers[first + mirror(column + s.lean, s.width)]))
+    above = mirror(row - 1, s.height)
+    below = mirror(row + 1, s.height)
     if (row & 1) == s.row_phase:
         return 2 * row_of_sites(numbers, s, row, column)
     return row_of_sites(numbers, s, above, column) + row_of_sites(numbers, s, below, column)
@@ -140,25 +145,34 @@ def is_saturated(
     return highest >= SIGNAL_UNIT * s.full
 
 
+@wp.func
+def changed(s: SignalLayout, suppression: wp.int32, reach: wp.int32, lean: wp.int32):
+    """The layout with another suppression, reach and lean."""
+    new = SignalLayout()
+    new.kind = s.kind
+    new.width = s.width
+    new.height = s.height
+    new.row_step = s.row_step
+    new.own = s.own
+    new.suppression = suppression
+    new.row_phase = s.row_phase
+    new.column_phase = s.column_phase
+    new.reach = reach
+    new.lean = lean
+    new.is_paired = s.is_paired
+    new.full = s.full
+    new.read_variance = s.read_variance
+    new.shot_variance = s.shot_variance
+    return new
+
+
 # A saturated core is nearly white: less the other channels it would be a dip in the line.
 @wp.func
 def suited_to_run(
     on: wp.array[Any], s: SignalLayout, row: wp.int32, first: wp.int32, last: wp.int32
 ):
     """The layout for a run of a row: where it is saturated, the own channel alone."""
-    suited = SignalLayout()
-    suited.kind = s.kind
-    suited.width = s.width
-    suited.height = s.height
-    suited.row_step = s.row_step
-    suited.own = s.own
-    suited.suppression = s.suppression
-    if s.suppression > 0 and is_saturated(on, s, row, first, last):
-        suited.suppression = 0
-    suited.row_phase = s.row_phase
-    suited.column_phase = s.column_phase
-    suited.is_paired = s.is_paired
-    suited.full = s.full
-    suited.read_variance = s.read_variance
-    suited.shot_variance = s.shot_variance
-    return suited
+    suppression = s.suppression
+    if suppression > 0 and is_saturated(on, s, row, first, last):
+        suppression = 0
+    return changed(s, suppression, s.reach, s.lean)

@@ -63,6 +63,7 @@ def signal_layout(
         return layout
     row, column = channel_sites(pixel_format)[channel][0]
     layout.row_phase, layout.column_phase = row, column
+    layout.reach = 1
     layout.kind = laser_signal.MOSAIC_RED_OR_BLUE
     if channel == GREEN:
         layout.kind, layout.column_phase = laser_signal.MOSAIC_GREEN, (row + column) % 2

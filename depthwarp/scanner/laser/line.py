@@ -20,8 +20,9 @@ from depthwarp.scanner.laser.color_table import ColorTable
 from depthwarp.scanner.laser.colors import FULL_LEVEL
 from depthwarp.scanner.laser.continuity import is_connected
 from depthwarp.scanner.laser.layouts import color_layout, signal_layout
+from depthwarp.scanner.laser.line_ends import is_beside_end
 from depthwarp.scanner.laser.points import LineCounts, LinePoints, PointFlag
-from depthwarp_kernels import laser_color, laser_line, laser_peak
+from depthwarp_kernels import laser_color, laser_line, laser_peak, laser_position, laser_signal
 
 __all__ = ["LineFinder", "SensorNoise", "derivative_filters"]
 
@@ -114,11 +115,10 @@ class LineFinder:
         count = width * height * (1 if pixel_format.is_bayer else 3)
         self._on = _FrameBuffer(count, bits, self._device)
         self._off = _FrameBuffer(count, bits, self._device)
-        weights, limits = derivative_filters()
         self._words = arrays.share(table.words, wp.uint64, self._device)
-        self._weights: Any = wp.array(weights, dtype=wp.int32, device=self._device)
-        self._limits: Any = wp.array(limits, dtype=wp.float64, device=self._device)
+        self._filters = _filters(self._device)
         self._mask = arrays.empty((height // cell, width // cell), wp.uint8, self._device)
+        self._reach = arrays.zeros(height, wp.int32, self._device)
         self._columns = arrays.zeros(height, wp.float64, self._device)
         self._quality = arrays.zeros(height, wp.vec3f, self._device)
         self._states = arrays.zeros(height, wp.int32, self._device)
@@ -178,28 +178,26 @@ class LineFinder:
             outputs=[self._mask],
             device=self._device,
         )
-        wp.launch(
-            laser_line.find_line,
-            dim=self._size[1],
-            inputs=[
-                on,
-                off,
-                self._signal,
-                self._search,
-                self._mask,
-                self._weights,
-                self._limits,
-            ],
-            outputs=[self._columns, self._quality, self._states],
-            device=self._device,
-        )
+        inputs = [on, off, self._signal, self._search, self._mask, self._filters]
+        outputs = [self._columns, self._quality, self._states]
+        self._launch_rows(laser_line.find_line, inputs, outputs)
+        if self._signal.kind == laser_signal.MOSAIC_GREEN:
+            found = [self._columns, self._states]
+            self._launch_rows(laser_line.find_reach, found, [self._reach])
+            self._launch_rows(laser_line.find_leaning_line, [*inputs, self._reach], outputs)
+
+    def _launch_rows(self, kernel: Any, inputs: list[Any], outputs: list[Any]) -> None:
+        wp.launch(kernel, dim=self._size[1], inputs=inputs, outputs=outputs, device=self._device)
 
     def _points(self) -> LinePoints:
         codes = self._states.numpy()
         states, columns = codes & laser_line.STATE_BITS, self._columns.numpy()
         candidates = np.flatnonzero(states == laser_peak.ROW_FOUND).astype(np.int32)
-        rows = candidates[is_connected(candidates, columns[candidates])]
-        sigma, height, width = self._quality.numpy()[rows].astype(np.float64).T
+        connected = candidates[is_connected(candidates, columns[candidates])]
+        quality = self._quality.numpy().astype(np.float64)
+        beside = is_beside_end(connected, columns[connected], quality[connected, 0])
+        rows = connected[~beside]
+        sigma, height, width = quality[rows].T
         flags = np.zeros(len(rows), np.uint8)
         for bit, flag in (
             (laser_line.FLAG_SATURATED, PointFlag.SATURATED),
@@ -221,7 +219,8 @@ class LineFinder:
                 weak=tally[laser_peak.ROW_WEAK],
                 wide=tally[laser_peak.ROW_WIDE],
                 cut=tally[laser_peak.ROW_CUT],
-                isolated=len(candidates) - len(rows),
+                isolated=len(candidates) - len(connected),
+                beside=int(beside.sum()),
                 found=len(rows),
                 rivals=int((flags & PointFlag.RIVAL != 0).sum()),
             ),
@@ -263,6 +262,14 @@ def derivative_filters() -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]
         row[0] = reach
         row[1 : reach + 1] = np.rint(shape * (FILTER_UNIT / shape.max()))
     return weights, deviations * float(np.sqrt(1.5))
+
+
+def _filters(device: Any) -> Any:
+    weights, limits = derivative_filters()
+    filters: Any = laser_position.Filters()
+    filters.weights = wp.array(weights, dtype=wp.int32, device=device)
+    filters.limits = wp.array(limits, dtype=wp.float64, device=device)
+    return filters
 
 
 def _search(cell: int, min_snr: float, max_width_px: float) -> Any:

@@ -68,6 +68,7 @@ class LineCounts:
         wide: The peak is too wide to be a line.
         cut: The peak is cut off by the edge of the frame.
         isolated: A peak without others near it in the rows beside.
+        beside: A peak at an end of the line that bends away from it: the row sees it in part.
         found: Rows with a point.
         rivals: Of those, rows in which another peak is at least half as high.
     """
@@ -78,6 +79,7 @@ class LineCounts:
     wide: int
     cut: int
     isolated: int
+    beside: int
     found: int
     rivals: int
 
@@ -89,10 +91,11 @@ class LinePoints:
     Attributes:
         rows: Row of the upright frame [px], shape (M,).
         columns: Column of the line's middle, pixel centres at whole numbers [px], shape (M,).
-        sigma_px: Standard deviation of the column from sensor noise [px], shape (M,): that of the
-            derivative filter's output, sqrt(sum of weight^2 * noise variance), over the steepness
-            with which the output crosses zero (first-order propagation; 0.01 px or more for what
-            is systematic added in squares). Speckle and the roughness of a surface are not in it.
+        sigma_px: Standard deviation of the column [px], shape (M,). From sensor noise it is that of
+            the derivative filter's output, sqrt(sum of weight^2 * noise variance), over the
+            steepness with which the output crosses zero (first-order propagation). What is
+            systematic is added in squares: 0.01 px, and for a saturated line 0.01 to 0.08 px by the
+            steepness of its flanks. Speckle and the roughness of a surface are not in it.
         peak: Height of the line over its background, blurred [grey levels of 255], shape (M,).
         width_px: Width at half height [px], shape (M,).
         flags: Values of `PointFlag`, shape (M,).

@@ -6,14 +6,15 @@ It follows the same equations in the same order, so that its results are the sam
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from depthwarp.scanner.frames import Frame
-from depthwarp.scanner.laser.colors import channel_sites
 from depthwarp.scanner.laser.line import derivative_filters
+from tests.scanner.laser.reference_signal import mirror, own_signal
 
 UNIT = 32
 BLUR = (1, 4, 6, 4, 1)
@@ -62,17 +63,56 @@ class RowFinder:
         self.cell = 2 if on.pixel_format.is_bayer else 1
         self.suppression = suppression if off is None and not on.pixel_format.is_bayer else 0
         self.is_paired = off is not None
+        self.on, self.off, self.channel = on, off, channel
         self.full = UNIT * (2**on.bits - 1)
         self.read, self.shot = variances
         self.min_snr, self.max_width = min_snr, max_width
-        self.own, self.share = _own(on, channel)
-        self.dark = _own(off, channel)[0] if off is not None else np.zeros_like(self.own)
+        self._look_along(1)
         self.others = np.zeros_like(self.own)
         if not on.pixel_format.is_bayer:
             numbers = on.pixels.astype(np.int64)
             self.others = numbers.sum(axis=2) - numbers[..., channel]
         self.is_coarse = on.pixel_format.is_bayer and channel != 1
         self.weights, self.limits = derivative_filters()
+
+    def find_all(self) -> dict[int, Found]:
+        """The line's crossing of each row that has one; a leaning line is looked for twice."""
+        self._look_along(1)
+        found = self._found_in(range(self.height))
+        if self.on.pixel_format.is_bayer and self.channel == 1:
+            reaches = {row: self._reach(found, row) for row in found}
+            for reach in sorted(set(reaches.values()) - {1, -1}):
+                self._look_along(reach)
+                rows = [row for row in reaches if reaches[row] == reach]
+                again = self._found_in(rows)
+                found = {k: v for k, v in found.items() if k not in rows} | again
+        return dict(sorted(found.items()))
+
+    def _found_in(self, rows: Iterable[int]) -> dict[int, Found]:
+        return {row: f for row in rows if isinstance(f := self.find(row), Found)}
+
+    def _reach(self, found: dict[int, Found], row: int) -> int:
+        """How many rows away the next green sites along the line are; negative: to the left."""
+        if row - 4 not in found or row + 4 not in found:
+            return 1
+        here = found[row].column
+        slopes = [
+            (found[row - 4].column - here) / -4.0,
+            (found[row + 4].column - here) / 4.0,
+        ]
+        if max(abs(slope) for slope in slopes) > 1.5:
+            return 1
+        slope = (slopes[0] + slopes[1]) * 0.5
+        rows = 3 if abs(slope) > 0.6 else 2 if abs(slope) > 1 / 3 else 1
+        rows = max(min(rows, row, self.height - 1 - row), 1)
+        return -rows if slope < 0.0 else rows
+
+    def _look_along(self, reach: int) -> None:
+        """Fill in what a green mosaic leaves out from sites so many rows away along the line."""
+        self.own, self.share = own_signal(self.on, self.channel, reach)
+        self.dark = np.zeros_like(self.own)
+        if self.off is not None:
+            self.dark = own_signal(self.off, self.channel, reach)[0]
 
     def find(self, row: int) -> Found | str:
         """The line's crossing of a row, or why there is none."""
@@ -97,7 +137,10 @@ class RowFinder:
         if position is None:
             return "weak"
         column, sigma, is_narrow = position
-        systematic = 6.25e-4 if best.is_saturated else 1e-4
+        systematic = 1e-4
+        if best.is_saturated:
+            shift = 0.054 / max(best.flanks(), 2 / 3)
+            systematic = 1e-4 + shift * shift
         if self.is_coarse and best.deviation < 1.5:
             systematic = 0.11
         return Found(
@@ -128,13 +171,13 @@ class _Peak:
         self.state = self._measure()
 
     def own(self, column: int) -> int:
-        return int(self.f.own[self.row, _mirror(column, self.f.width)])
+        return int(self.f.own[self.row, mirror(column, self.f.width)])
 
     def dark(self, column: int) -> int:
-        return int(self.f.dark[self.row, _mirror(column, self.f.width)])
+        return int(self.f.dark[self.row, mirror(column, self.f.width)])
 
     def signal(self, column: int) -> int:
-        at = _mirror(column, self.f.width)
+        at = mirror(column, self.f.width)
         others = self.suppression * int(self.f.others[self.row, at])
         return self.own(column) - self.dark(column) - others
 
@@ -171,6 +214,18 @@ class _Peak:
                 return (n - 1) + (inside - half) / (inside - outside)
             inside = outside
         return float(limit)
+
+    def flanks(self) -> float:
+        """Area of what is not saturated, over the height of what is."""
+        width = self.right - self.left
+        area, highest = 0, 1
+        for column in range(int(self.left - width), int(self.right + width) + 1):
+            above = sum(BLUR) * self.signal(column) - self.base
+            if self.own(column) < self.f.full:
+                area += above
+            else:
+                highest = max(highest, above)
+        return area / highest
 
     def position(self) -> tuple[float, float, bool] | None:
         """Column, its sigma from noise, and whether three pixels gave it."""
@@ -244,7 +299,7 @@ class _Peak:
             variance += f.read + f.shot * (max(self.dark(column), 0) / 32.0)
         share = self.suppression / 32.0
         blend = 1.0 + 2.0 * share * share
-        return variance * (float(f.share[self.row, _mirror(column, f.width)]) * blend)
+        return variance * (float(f.share[self.row, mirror(column, f.width)]) * blend)
 
 
 def width_squared(left: float, right: float) -> float:
@@ -275,46 +330,3 @@ def _runs(mask: npt.NDArray[np.bool_], gap: int) -> list[tuple[int, int]]:
         else:
             runs.append((cell, cell))
     return runs
-
-
-def _mirror(i: int, count: int) -> int:
-    i = -i if i < 0 else i
-    i = 2 * (count - 1) - i if i >= count else i
-    return min(max(i, 0), count - 1)
-
-
-def _own(frame: Frame, channel: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """The channel at all pixels in units of 1 / 32, and the share of a number's variance there."""
-    numbers = frame.pixels.astype(np.int64)
-    if not frame.pixel_format.is_bayer:
-        return UNIT * numbers[..., channel], np.ones(numbers.shape[:2])
-    height, width = numbers.shape
-    own, share = np.zeros_like(numbers), np.zeros(numbers.shape)
-    sites = {(r % 2, c % 2) for r, c in channel_sites(frame.pixel_format)[channel]}
-
-    def row_of_sites(r: int, c: int) -> int:
-        r = _mirror(r, height)
-        if (r % 2, c % 2) in sites:
-            return 16 * int(numbers[r, c])
-        near, far = (
-            int(numbers[r, _mirror(c - k, width)]) + int(numbers[r, _mirror(c + k, width)])
-            for k in (1, 3)
-        )
-        return 9 * near - far
-
-    for r in range(height):
-        for c in range(width):
-            if channel == 1 and (r % 2, c % 2) in sites:
-                own[r, c], share[r, c] = 32 * numbers[r, c], 1.0
-            elif channel == 1:
-                above, below = (
-                    numbers[_mirror(r - 1, height), c],
-                    numbers[_mirror(r + 1, height), c],
-                )
-                own[r, c], share[r, c] = 16 * (above + below), 0.5
-            elif any(r % 2 == site_row for site_row, _ in sites):
-                own[r, c], share[r, c] = 2 * row_of_sites(r, c), 2.0
-            else:
-                own[r, c] = row_of_sites(r - 1, c) + row_of_sites(r + 1, c)
-                share[r, c] = 1.0
-    return own, share

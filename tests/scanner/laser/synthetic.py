@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from depthwarp.scanner.frames import Frame, PixelFormat
-from depthwarp.scanner.laser import ColorKind, ColorTable, fit_pairs
+from depthwarp.scanner.laser import (
+    ColorKind,
+    ColorTable,
+    LineFinder,
+    LinePoints,
+    SensorNoise,
+    fit_pairs,
+)
 from depthwarp.scanner.laser.colors import channel_sites
 
 HEIGHT, WIDTH = 1000, 96
@@ -119,3 +127,36 @@ def table(kind: ColorKind, is_mosaic: bool, is_red: bool = False) -> ColorTable:
     )
     pixel_format = PixelFormat.BAYER_RGGB if is_mosaic else PixelFormat.BGR
     return ColorTable(fit_pairs([pair([line], rng, pixel_format)], kind=kind))
+
+
+def find(
+    lines: list[Line],
+    pixel_format: PixelFormat = PixelFormat.BGR,
+    kind: ColorKind = ColorKind.LIT,
+    *,
+    bits: int = 8,
+    noise: float = NOISE,
+    device: str = "cpu",
+    is_red: bool = False,
+) -> LinePoints:
+    """Points of the lines in a rendered frame, or in a pair for a model of differences."""
+    on, off = pair(lines, np.random.default_rng(6), pixel_format, bits, noise)
+    finder = LineFinder(
+        table(kind, pixel_format.is_bayer, is_red),
+        (WIDTH, len(lines[0].columns)),
+        pixel_format,
+        bits,
+        noise=SensorNoise(max(noise, 0.3)),
+        device=device,
+    )
+    return finder.find(on, off if kind is ColorKind.DIFFERENCE else None)
+
+
+def slanted(slope: float = 0.037, **properties: Any) -> Line:
+    """A line that passes all sub-pixel phases."""
+    return replace(Line(straight_columns(slope, HEIGHT)), **properties)
+
+
+def errors(points: LinePoints, line: Line) -> Floats:
+    """Found less true column of each point [px]."""
+    return points.columns - line.columns[points.rows]

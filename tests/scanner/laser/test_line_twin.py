@@ -9,6 +9,7 @@ import pytest
 from depthwarp.scanner.frames import Frame, PixelFormat
 from depthwarp.scanner.laser import ColorKind, LineFinder, LinePoints, PointFlag, SensorNoise
 from depthwarp.scanner.laser.continuity import is_connected
+from depthwarp.scanner.laser.line_ends import is_beside_end
 from tests.scanner.laser import synthetic
 from tests.scanner.laser.reference import Found, RowFinder, natural_log
 
@@ -49,7 +50,7 @@ def hard_pair(pixel_format: PixelFormat, bits: int, is_red: bool) -> tuple[Frame
 def by_twin(
     finder: LineFinder, on: Frame, off: Frame | None, channel: int, suppression: float
 ) -> dict[int, Found]:
-    """What the twin finds with the finder's mask, lone points left out."""
+    """What the twin finds with the finder's mask, lone points and bent ends left out."""
     unit = (2**on.bits - 1) / 255.0
     twin = RowFinder(
         on,
@@ -59,10 +60,13 @@ def by_twin(
         round(suppression * 16),
         ((NOISE.read * unit) ** 2, NOISE.shot * unit),
     )
-    found = {row: result for row in range(HEIGHT) if isinstance(result := twin.find(row), Found)}
+    found = twin.find_all()
     rows = np.array(list(found), np.int32)
-    kept = is_connected(rows, np.array([found[row].column for row in found]))
-    return {row: found[row] for row in rows[kept].tolist()}
+    rows = rows[is_connected(rows, np.array([found[row].column for row in found]))]
+    columns = np.array([found[row].column for row in rows.tolist()])
+    sigma = np.array([found[row].sigma for row in rows.tolist()], np.float64)
+    kept = rows[~is_beside_end(rows, columns, sigma)]
+    return {row: found[row] for row in kept.tolist()}
 
 
 def assert_same(points: LinePoints, twin: dict[int, Found], unit: float) -> None:
@@ -106,6 +110,27 @@ def test_same_bits_as_the_twin(
     twin = by_twin(finder, on, used_off, table.model.channel, table.model.suppression)
     assert len(twin) > 15
     assert_same(points, twin, 255.0 / (2**bits - 1))
+
+
+@pytest.mark.parametrize("pixel_format", [PixelFormat.BAYER_RGGB, PixelFormat.BAYER_GBRG])
+@pytest.mark.parametrize("slope", [-0.8, -0.45, 0.45, 0.8])
+@pytest.mark.parametrize("kind", list(ColorKind))
+def test_same_bits_on_leaning_lines(
+    device: str, pixel_format: PixelFormat, slope: float, kind: ColorKind
+) -> None:
+    """The second look along a leaning line agrees in every bit, to the frame's edges."""
+    rng = np.random.default_rng(9)
+    columns = synthetic.straight_columns(slope, HEIGHT, WIDTH)
+    amplitude = rng.choice([90.0, 150.0, 250.0, 900.0], HEIGHT)
+    lines = [synthetic.Line(columns, 1.2, amplitude)]
+    on, off = synthetic.pair(lines, rng, pixel_format, width=WIDTH)
+    table = synthetic.table(kind, is_mosaic=True)
+    finder = LineFinder(table, (WIDTH, HEIGHT), pixel_format, noise=NOISE, device=device)
+    used_off = off if kind is ColorKind.DIFFERENCE else None
+    points = finder.find(on, used_off)
+    twin = by_twin(finder, on, used_off, table.model.channel, table.model.suppression)
+    assert len(twin) > 40
+    assert_same(points, twin, 1.0)
 
 
 def test_hard_frames_reach_every_branch() -> None:
