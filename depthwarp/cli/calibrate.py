@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+import signal
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -223,7 +225,7 @@ def _take_with_person(
         return
     source = open_source(camera, rotation=rotation)
     motor = open_axis(axis, ask=ask_person, tell=reporter.say)
-    with source, motor as head:
+    with _leave_on_signals(), source, motor as head:
         info = source.open()
         head.reference()
         for number in shooting.missing:
@@ -235,6 +237,32 @@ def _take_with_person(
                 err=True,
             )
             _take(reporter, shooting, number, shooting.plan, source, info, head)
+
+
+@contextmanager
+def _leave_on_signals() -> Iterator[None]:
+    """Ctrl-C and SIGTERM end even a wait for the person, through the exits of axis and camera.
+
+    Raises:
+        ScanCancelledError: Out of what was under way when the signal came.
+    """
+    from depthwarp.scanner.scan import ScanCancelledError
+
+    wanted = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.getsignal(number) for number in wanted}
+
+    def leave(*_: object) -> None:
+        for number in wanted:  # a second signal must not break off the way to a safe machine
+            signal.signal(number, signal.SIG_IGN)
+        raise ScanCancelledError("cancelled; the same command goes on where this one stood")
+
+    for number in wanted:
+        signal.signal(number, leave)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _take(

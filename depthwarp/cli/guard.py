@@ -26,7 +26,7 @@ def run_command(reporter: Reporter, command: Callable[[], None]) -> None:
         command()
     except (DepthwarpError, OSError) as error:
         _fail(reporter, str(error), BAD_INPUT)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, typer.Abort):  # at a prompt, Ctrl-C and the end of input are Abort
         _fail(reporter, "interrupted", INTERRUPTED)
     except typer.Exit:
         raise

@@ -42,7 +42,11 @@ class Equipment:
 def scan(
     out: Annotated[Path, typer.Option("-o", "--output", help="Folder of the recording.")],
     axis: Annotated[
-        str, typer.Option(metavar="AXIS", help="grbl:PORT, horus:PORT, manual or twin.")
+        str,
+        typer.Option(
+            metavar="AXIS",
+            help="grbl:PORT, horus:PORT, manual or twin; PORT may be serial:USB-SERIAL-NUMBER.",
+        ),
     ] = TWIN,
     camera: Annotated[
         str,
@@ -150,9 +154,15 @@ def _equipment(
 
 
 def ask_person(question: str) -> float | None:
-    """Ask the person at the terminal for a number; an empty answer is None."""
-    answer: str = typer.prompt(question, default="", show_default=False, err=True)
-    return float(answer) if answer.strip() else None
+    """Ask the person at the terminal for a number, until it is one; an empty answer is None."""
+    while True:
+        answer: str = typer.prompt(question, default="", show_default=False, err=True)
+        if not answer.strip():
+            return None
+        try:
+            return float(answer)
+        except ValueError:
+            typer.echo(f"{answer!r} is not a number: type one, or just Enter", err=True)
 
 
 def _begin(

@@ -12,8 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
 import depthwarp as dw
+from depthwarp.cli.scan import ask_person
 from depthwarp.scanner.recording import Recording
 from tests.cli.conftest import invoke
 
@@ -101,3 +103,12 @@ def test_a_calibration_of_another_scan_is_refused(scanned, tmp_path):
     result = invoke("replay", scanned, "-o", tmp_path / "x.ply", "--calibration", other)
     assert result.exit_code == 2 and "changed" in result.stderr
     assert not (tmp_path / "x.ply").exists()
+
+
+def test_a_person_is_asked_until_the_answer_is_a_number(monkeypatch, capsys):
+    """A slip of the finger does not end the scan; just Enter is no number."""
+    answers = iter(["9o", "90.5", ""])
+    monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(answers))
+    assert ask_person("angle") == 90.5
+    assert "'9o' is not a number" in capsys.readouterr().err
+    assert ask_person("angle") is None

@@ -10,7 +10,7 @@ from depthwarp.scanner.axes.grbl import GrblAxis
 from depthwarp.scanner.axes.horus import HorusAxis
 from depthwarp.scanner.axes.manual import ManualAxis
 from depthwarp.scanner.axes.motor import StepMotor
-from depthwarp.scanner.axes.serial_line import describe_ports
+from depthwarp.scanner.axes.ports import describe_ports
 from depthwarp.scanner.axes.simulated import SimulatedAxis
 from depthwarp.scanner.axis import Axis
 
@@ -37,7 +37,8 @@ def open_axis(
 
     Args:
         spec: `grbl:PORT`, `horus:PORT`, `manual` or `simulated`. A port is anything that
-            `serial.serial_for_url` takes, such as `/dev/ttyUSB0` or `socket://host:port`.
+            `serial.serial_for_url` takes, such as `/dev/ttyUSB0` or `socket://host:port`;
+            or `serial:NUMBER`, the port with that USB serial number, wherever it is plugged in.
         ask: For `manual`: see `ManualAxis`.
         tell: For `manual`: see `ManualAxis`.
 

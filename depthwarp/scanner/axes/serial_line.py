@@ -12,12 +12,12 @@ from collections.abc import Callable
 from typing import Any
 
 import serial
-from serial.tools import list_ports
 
 from depthwarp.errors import InputError
+from depthwarp.scanner.axes.ports import describe_ports, find_port
 from depthwarp.scanner.axis import AxisError, AxisLostError, AxisTimeoutError
 
-__all__ = ["SerialLine", "describe_ports"]
+__all__ = ["SerialLine"]
 
 _READ_SLICE_S = 0.2  # how often the reader looks whether it should end
 _WRITE_TIMEOUT_S = 1.0
@@ -25,12 +25,6 @@ _WATCH_S = 0.1  # GRBL advises at most 10 status requests a second while the mot
 _LONGEST_LINE = 256  # a device that never ends its line must not fill the memory
 
 _ANSWER = re.compile(r"ok|error:.*")
-
-
-def describe_ports() -> str:
-    """Say in one sentence which serial ports this machine has."""
-    ports = [f"{port.device} ({port.description})" for port in list_ports.comports()]
-    return f"ports there are: {', '.join(ports)}" if ports else "this machine has no serial ports"
 
 
 class SerialLine:
@@ -43,7 +37,8 @@ class SerialLine:
 
     Args:
         port: Anything that `serial.serial_for_url` takes: `/dev/ttyUSB0`, `COM3`,
-            `socket://host:port`, `spy:///dev/ttyUSB0?file=log.txt`.
+            `socket://host:port`, `spy:///dev/ttyUSB0?file=log.txt`; or `serial:NUMBER`, the
+            port with that USB serial number at each opening.
         baudrate: Speed of the line [baud].
         hear: Gets each pushed line, in the reader's thread and under the lock of `news`.
 
@@ -78,7 +73,7 @@ class SerialLine:
             InputError: There is no such port.
             AxisError: It is in use, or this user may not open it.
         """
-        self._device = _open_device(self.port, self._baudrate)
+        self._device = _open_device(find_port(self.port), self._baudrate)
         self._reader = threading.Thread(target=self._read_on, name=f"axis {self.port}", daemon=True)
         self._reader.start()
 

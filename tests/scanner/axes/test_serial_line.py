@@ -118,7 +118,9 @@ def test_unplugging_is_a_lost_link() -> None:
 
 def test_a_port_that_is_not_there_lists_those_that_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """The message helps to find the right name."""
-    port = SimpleNamespace(device="/dev/ttyUSB7", description="CP2102 USB to UART")
+    port = SimpleNamespace(
+        device="/dev/ttyUSB7", description="CP2102 USB to UART", serial_number=None
+    )
     monkeypatch.setattr(list_ports, "comports", lambda: [port])
     with pytest.raises(InputError, match=r"'/dev/none'.*ttyUSB7 \(CP2102"):
         GrblAxis("/dev/none").connect()
