@@ -27,7 +27,6 @@ from depthwarp.scanner.calibration import (
     parse_board,
 )
 from depthwarp.scanner.calibration.capture import require_one_camera, take_placement
-from depthwarp.scanner.calibration.mirrored import without_mirrored
 from depthwarp.scanner.calibration.recorded import board_views, fit_board_color
 from depthwarp.scanner.geometry import ScannerGeometry, reference_geometry
 from depthwarp.scanner.laser import LaserColorModel
@@ -113,7 +112,6 @@ def twin_calibrated(
             views += board_views({number: recordings[number]}, board, model)[0]
             for path in (recordings[number].folder / "frames").iterdir():
                 path.unlink()
-    views, _ = without_mirrored(views, truth.lens.size)
     return calibrate_views(views, board, require_one_camera(recordings))
 
 

@@ -19,7 +19,7 @@ from depthwarp.scanner.twin import TwinCamera, TwinRenderer, wall_scene
 from depthwarp.scanner.twin.session import twin_calibration
 from tests.cli.conftest import invoke
 
-PLACES = 5
+PLACES = 8
 TAKE = ("--axis", "twin", "--camera", "twin", "--twin-scale", 0.25, "--placements", PLACES)
 BOARD = ("--board", "chessboard:9x6:0.1")
 STOPS = ("--angles", "1,5,20,35")

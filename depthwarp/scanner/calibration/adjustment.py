@@ -16,7 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from depthwarp.scanner.calibration.laser_plane import LaserPlane
-from depthwarp.scanner.calibration.least_squares import Block, Solution, solve
+from depthwarp.scanner.calibration.least_squares import (
+    Block,
+    Solution,
+    shared_error_covariance,
+    solve,
+)
 from depthwarp.scanner.calibration.turning_axis import head_turned
 from depthwarp.scanner.calibration.views import BoardView, on_board, pose_matrix, rays_on_board
 from depthwarp.scanner.geometry import Lens, ScannerGeometry, TurningAxis
@@ -37,6 +42,12 @@ PLANE = np.arange(9, 12)
 AXIS = np.arange(12, 16)
 MAX_PEAKS = 200
 """Peaks used of each view, evenly spread: the errors of neighbouring rows are not independent."""
+
+
+SHARED_CORNER_PX = 0.01
+"""Error that the corners of a view have in common: one standard deviation of a shift, and of the
+root mean square of each linear stretch or shear, in u and in v alike. Measured on the boards of
+the twin; noise averages out over a view's corners and would promise less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,26 +188,52 @@ def adjust(
     scatter = _scatter(solution, len(views), scatter, free)
     blocks = _blocks(model, views, place_index, turned, peaks, scatter)
     solution = solve(blocks, solution.parameters, free)
+    shared = [_shared_corner_errors(view) / scatter[0] for view in views]
+    added = shared_error_covariance(blocks[: len(views)], shared, solution, free)
+    solution = replace(solution, covariance=solution.covariance + added)
     return _result(model, views, place_index, turned, peaks, solution)
 
 
 def _first_guess(
     model: _Model, views: Sequence[BoardView], poses: Float64Array
 ) -> tuple[Float64Array, list[npt.NDArray[np.intp]], list[float]]:
-    """The parameter vector, where each view's place stands in it, and its turn from there."""
+    """The parameter vector, where each view's place stands in it, and its turn from there.
+
+    A place starts from that view of it whose pose explains the others best: the tilt of a far
+    board may come out mirrored in some of them.
+    """
     lens = model.start.lens
     values = [lens.fx, lens.fy, lens.cx, lens.cy, *lens.distortion]
     values += [0.0, 0.0, model.start.plane_distance, 0.0, 0.0, 0.0, 0.0]
-    first_view: dict[int, int] = {}
-    index, turned = [], []
-    for number, (view, pose) in enumerate(zip(views, poses, strict=True)):
-        if view.placement not in first_view:
-            first_view[view.placement] = number
-            values += [*np.ravel(cv2.Rodrigues(pose[:3, :3])[0]).tolist(), *pose[:3, 3].tolist()]
-        slot = list(first_view).index(view.placement)
-        index.append(len(PARAMETERS) + 6 * slot + np.arange(6))
-        turned.append(view.angle_deg - views[first_view[view.placement]].angle_deg)
+    index: list[npt.NDArray[np.intp]] = [np.empty(0, np.intp)] * len(views)
+    turned = [0.0] * len(views)
+    for slot, placement in enumerate(dict.fromkeys(view.placement for view in views)):
+        members = [number for number, view in enumerate(views) if view.placement == placement]
+        for number in members:
+            index[number] = len(PARAMETERS) + 6 * slot + np.arange(6)
+            turned[number] = views[number].angle_deg - views[members[0]].angle_deg
+        pose = _best_place(model, views, poses, members, turned)
+        values += [*np.ravel(cv2.Rodrigues(pose[:3, :3])[0]).tolist(), *pose[:3, 3].tolist()]
     return np.array(values), index, turned
+
+
+def _best_place(
+    model: _Model,
+    views: Sequence[BoardView],
+    poses: Float64Array,
+    members: Sequence[int],
+    turned: Sequence[float],
+) -> Float64Array:
+    """Where the board of a placement stands in its first view, from the best of its views."""
+    axis = np.array(model.start.axis.direction), np.array(model.start.axis.point)
+    moves = {number: head_turned(*axis, turned[number]) for number in members}
+    places = [np.linalg.inv(moves[number]) @ poses[number] for number in members]
+
+    def misfit(place: Float64Array) -> float:
+        errors = (_corner_error(model.start.lens, moves[n] @ place, views[n]) for n in members)
+        return float(sum(error @ error for error in errors))
+
+    return min(places, key=misfit)
 
 
 def _blocks(
@@ -239,6 +276,15 @@ def _corner_error(lens: Lens, pose: Float64Array, view: BoardView) -> Float64Arr
     points = view.corners.points_board
     computed, _ = cv2.projectPoints(points, turn, pose[:3, 3], lens.K, np.array(lens.distortion))
     return np.ravel(np.asarray(computed, np.float64)[:, 0] - view.corners.pixels)
+
+
+def _shared_corner_errors(view: BoardView) -> Float64Array:
+    """Errors that a view's corners have in common, one a column [px], shape (2 N, 6)."""
+    pixels = view.corners.pixels
+    offset = pixels - pixels.mean(axis=0)
+    offset /= np.sqrt(np.mean(offset**2, axis=0))
+    shapes = np.column_stack([np.ones(len(pixels)), offset])
+    return np.asarray(SHARED_CORNER_PX * np.kron(shapes, np.eye(2)), np.float64)
 
 
 def _scatter(

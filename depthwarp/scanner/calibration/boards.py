@@ -12,6 +12,12 @@ import numpy.typing as npt
 
 from depthwarp.checks import check_positive
 from depthwarp.errors import InputError
+from depthwarp.scanner.calibration.saddles import (
+    are_saddles,
+    grey_levels,
+    moved_to_saddles,
+    starts_on_white,
+)
 
 __all__ = [
     "Board",
@@ -24,6 +30,12 @@ __all__ = [
 
 Float64Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+
+SADDLE_WINDOW = 0.4
+"""Half the side of the window around a chessboard's corner, as a share of the corners' spacing."""
+
+MAX_SADDLE_MOVE_PX = 0.7
+"""A chessboard's corner whose saddle is farther stays: a shadow or a lit line crosses it."""
 
 MIN_CORNERS = 8
 """Fewest corners of a partly seen board that still give a usable pose."""
@@ -87,8 +99,9 @@ class Board(Protocol):
 class Chessboard:
     """A chessboard pattern, told apart by its number of inner corners; it must be seen whole.
 
-    A board whose two numbers add up to an even one looks the same upside down: its corners are then
-    ordered so that the last one is seen below the first, right as long as the board stands upright.
+    The first corner is the one beside a white square. A board whose two numbers add up to an even
+    one looks the same upside down: its corners are then ordered so that the last one is seen below
+    the first, right as long as the board stands upright.
 
     Attributes:
         columns: Inner corners along the board's X.
@@ -124,22 +137,37 @@ class Chessboard:
 
     def detect(self, image: Image) -> BoardCorners:
         """Find the whole board; see `Board.detect`."""
-        grey = _grey8(image)
+        searched = _grey8(image)
         # No other flags: with a normalized image the corners are off by 0.2 px, not by 0.02 px.
         size = (self.columns, self.rows)
-        found, corners = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_ACCURACY)
+        found, corners = cv2.findChessboardCornersSB(searched, size, flags=cv2.CALIB_CB_ACCURACY)
         if not found:
-            raise BoardNotFoundError(
-                f"no chessboard of {self.columns} x {self.rows} inner corners in the image of "
-                f"{grey.shape[1]} x {grey.shape[0]} px: all of it must be in view with its white "
-                "border, sharp, evenly lit, its squares wider than about 10 px; check the numbers "
-                "of inner corners, and switch the laser off"
-            )
-        pixels = np.asarray(corners, np.float64).reshape(-1, 2)
+            raise self._not_found(searched, "no chessboard")
+        grid = np.asarray(corners, np.float64).reshape(self.rows, self.columns, 2)
+        grey = grey_levels(image)
+        # The search may begin at either end.
         is_ambiguous = (self.columns + self.rows) % 2 == 0
-        if is_ambiguous and pixels[-1, 1] < pixels[0, 1]:
-            pixels = pixels[::-1]
-        return BoardCorners(self.points, np.ascontiguousarray(pixels))
+        is_upright = grid[-1, -1, 1] >= grid[0, 0, 1]
+        if not (is_upright if is_ambiguous else starts_on_white(grey, grid)):
+            grid = grid[::-1, ::-1]
+        # Of a board that leaves the image it may take the pattern's outer edge for corners.
+        if not are_saddles(grey, grid):
+            raise self._not_found(searched, "no whole chessboard")
+        spacing = min(
+            float(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min()) for axis in (0, 1)
+        )
+        found_at = grid.reshape(-1, 2)
+        saddles = moved_to_saddles(grey, found_at, SADDLE_WINDOW * spacing)
+        is_near = np.linalg.norm(saddles - found_at, axis=1) <= MAX_SADDLE_MOVE_PX
+        return BoardCorners(self.points, np.where(is_near[:, None], saddles, found_at))
+
+    def _not_found(self, image: npt.NDArray[np.uint8], what: str) -> BoardNotFoundError:
+        return BoardNotFoundError(
+            f"{what} of {self.columns} x {self.rows} inner corners in the image of "
+            f"{image.shape[1]} x {image.shape[0]} px: all of it must be in view with its white "
+            "border, sharp, evenly lit, its squares wider than about 10 px; check the numbers "
+            "of inner corners, and switch the laser off"
+        )
 
     def draw(self, pixels_a_square: int) -> npt.NDArray[np.uint8]:
         """The board to print, with a white border of one square, shape (H, W)."""
@@ -218,8 +246,9 @@ class CharucoBoard:
             )
         # OpenCV 4.10 puts these corners half a pixel to the lower right, 5.0 does not; refined,
         # both agree. The window stays clear of the markers.
-        window = 0.35 * (self.square - self.marker) / self.square
-        pixels = _refined(grey, np.asarray(corners, np.float32), window)
+        pixels = np.asarray(corners, np.float64).reshape(-1, 2)
+        clear = 0.35 * (self.square - self.marker) / self.square
+        pixels = moved_to_saddles(grey_levels(image), pixels, clear * _spacing(pixels))
         return BoardCorners(self.points[np.ravel(ids)], pixels)
 
     def draw(self, pixels_a_square: int) -> npt.NDArray[np.uint8]:
@@ -287,25 +316,10 @@ def _on_one_line(points: Float64Array) -> bool:
     return bool(np.linalg.matrix_rank(points[:, :2] - points[0, :2], tol=1e-9) < 2)
 
 
-def _refined(
-    grey: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], window: float
-) -> Float64Array:
-    """Corners moved to the saddle of the grey values.
-
-    Args:
-        grey: The image.
-        corners: As detected [px], N pairs.
-        window: Half the side of the search window as a share of the corners' spacing.
-    """
-    pixels = corners.reshape(-1, 2)
+def _spacing(pixels: Float64Array) -> float:
+    """Median distance of corners (u, v), shape (N, 2), from their nearest neighbours [px]."""
     apart = np.linalg.norm(pixels[:, None] - pixels, axis=2)
-    spacing = float(np.median(np.sort(apart, axis=1)[:, 1]))
-    half = max(2, int(window * spacing))
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
-    moved = cv2.cornerSubPix(
-        grey, corners.reshape(-1, 1, 2).copy(), (half, half), (-1, -1), criteria
-    )
-    return np.asarray(moved, np.float64).reshape(-1, 2)
+    return float(np.median(np.sort(apart, axis=1)[:, 1]))
 
 
 def _grey8(image: Image) -> npt.NDArray[np.uint8]:

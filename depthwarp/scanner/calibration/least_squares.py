@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from depthwarp.errors import InputError
 
-__all__ = ["Block", "Solution", "solve"]
+__all__ = ["Block", "Solution", "shared_error_covariance", "solve"]
 
 Float64Array = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -104,6 +104,36 @@ def solve(blocks: Sequence[Block], start: Float64Array, free: npt.NDArray[np.boo
     covariance = np.zeros((len(parameters), len(parameters)))
     covariance[np.ix_(free, free)] = _inverse(normal)
     return Solution(parameters, covariance, residuals, redundancy)
+
+
+def shared_error_covariance(
+    blocks: Sequence[Block],
+    patterns: Sequence[Float64Array],
+    solution: Solution,
+    free: npt.NDArray[np.bool_],
+) -> Float64Array:
+    """What errors that many residuals of a block have in common add to the covariance.
+
+    The least squares take residuals for independent. Errors common to a block do not average out
+    within it: they are carried to the parameters as they are.
+
+    Args:
+        blocks: Blocks of the solution.
+        patterns: For each block one column for each independent error: by how much one standard
+            deviation of it moves the residuals, shape (N, K).
+        solution: Of `solve`.
+        free: Which parameters may move, shape (P,).
+
+    Returns:
+        Shape (P, P); zero for held parameters.
+    """
+    total = np.zeros_like(solution.covariance)
+    for block, pattern in zip(blocks, patterns, strict=True):
+        moving = np.flatnonzero(free[block.index])
+        pull = _jacobian(block, solution.parameters[block.index], moving).T @ pattern
+        target = block.index[moving]
+        total[np.ix_(target, target)] += pull @ pull.T
+    return solution.covariance @ total @ solution.covariance
 
 
 def _evaluate(blocks: Sequence[Block], parameters: Float64Array) -> tuple[Float64Array, ...]:

@@ -157,11 +157,9 @@ def calibrate_views(
 ) -> tuple[ScannerCalibration, CalibrationReport]:
     """Calibrate a scanner from corners and laser peaks; see `calibrate`."""
     corners = [view.corners for view in views]
-    if lens is None:
-        lens_fit = calibrate_lens(corners, camera.size)
-        start, poses = lens_fit.lens, lens_fit.poses
-    else:
-        start, poses = lens, np.stack([board_pose(view, lens) for view in corners])
+    start = calibrate_lens(corners, camera.size).lens if lens is None else lens
+    # Not the poses of the lens calibration: of a far board it may take the tilt to the wrong side.
+    poses = np.stack([board_pose(view, start) for view in corners])
     plane = calibrate_laser_plane(views, start, poses)
     axis = calibrate_turning_axis(views, poses)
     views = _without_outliers(views, plane)

@@ -22,9 +22,8 @@ from depthwarp.scanner.calibration.boards import (
     Image,
 )
 from depthwarp.scanner.calibration.capture import require_one_camera
-from depthwarp.scanner.calibration.mirrored import without_mirrored
 from depthwarp.scanner.calibration.procedure import CalibrationReport, calibrate_views
-from depthwarp.scanner.calibration.saddles import grey_levels, refined_corners
+from depthwarp.scanner.calibration.saddles import grey_levels
 from depthwarp.scanner.calibration.store import ScannerCalibration
 from depthwarp.scanner.calibration.views import BoardView, keep_on_board
 from depthwarp.scanner.frames import Frame, PixelFormat
@@ -83,9 +82,8 @@ def calibrate_recordings(
     """
     camera = require_one_camera(recordings)
     views, skipped = board_views(recordings, board, progress=progress)
-    views, mirrored = without_mirrored(views, camera.size)
     calibration, report = calibrate_views(views, board, camera, max_range=max_range)
-    return calibration, replace(report, skipped=skipped + mirrored)
+    return calibration, replace(report, skipped=skipped)
 
 
 def board_views(
@@ -119,11 +117,11 @@ def board_views(
             finder = LineFinder(ColorTable(model), size, first.pixel_format, first.bits)
         image = picture(_board_frame(step))
         try:
-            corners = refined_corners(board, image)
+            corners = board.detect(image)
         except BoardNotFoundError:
             skipped.append(
                 f"placement {number} at {step.reported:g} degrees: the board is not in view whole, "
-                "or not sharp and bright enough"
+                "or not sharp, bright and large enough"
             )
         else:
             line = line_rows(finder, step, is_paired=True)

@@ -1,4 +1,4 @@
-"""A chessboard's corners as exactly as a picture shows them, and the right way round."""
+"""A chessboard's corners as exactly as a picture shows them: the saddles of its grey values."""
 
 from __future__ import annotations
 
@@ -8,68 +8,52 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from depthwarp.scanner.calibration.boards import (
-    Board,
-    BoardCorners,
-    BoardNotFoundError,
-    Chessboard,
-)
+__all__ = ["are_saddles", "grey_levels", "moved_to_saddles", "starts_on_white"]
 
-__all__ = ["grey_levels", "refined_corners"]
-
-SADDLE_WINDOW = 0.4
-"""Half the side of the window around a chessboard's corner, as a share of the corners' spacing."""
+Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
 
 SADDLE_SHARE = 0.5
 """Least contrast of the squares around a corner, as a share of the median of all corners."""
 
+MIN_HALF_WINDOW = 2
 
-def refined_corners(board: Board, image: npt.NDArray[Any]) -> BoardCorners:
-    """Find a board; a chessboard's corners are moved to the saddles of the grey values.
 
-    OpenCV's chessboard search leaves errors of up to 0.15 px on tilted boards, its saddles a
-    fiftieth of a pixel; it may begin at either end, and of a board that leaves the image it may
-    take the pattern's outer edge for a row of corners, which is refused. ChArUco corners are
-    refined already.
+def grey_levels(image: npt.NDArray[Any]) -> Float32Array:
+    """An image's grey values in its own unit, shape (H, W)."""
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return np.ascontiguousarray(grey, np.float32)
+
+
+def moved_to_saddles(grey: Float32Array, pixels: Float64Array, half_window: float) -> Float64Array:
+    """Corners moved to the saddles of the grey values.
+
+    OpenCV's chessboard search leaves errors of up to 0.15 px on tilted boards, the saddles a
+    fiftieth of a pixel.
 
     Args:
-        board: The board.
-        image: Grey or BGR, see `Board.detect`.
+        grey: See `grey_levels`.
+        pixels: Corners as detected, (u, v) [px], shape (N, 2).
+        half_window: Half the side of the window around a corner [px], clear of other corners.
 
-    Raises:
-        BoardNotFoundError: See `Board.detect`; or a corner lies on the pattern's edge.
+    Returns:
+        The corners [px], shape (N, 2).
     """
-    corners = board.detect(image)
-    if not isinstance(board, Chessboard):
-        return corners
-    grey = grey_levels(image)
-    grid = corners.pixels.reshape(board.rows, board.columns, 2)
-    if (board.rows + board.columns) % 2 == 1 and _first_square(grey, grid) < _first_square(
-        grey, grid[::-1, ::-1]
-    ):
-        grid = grid[::-1, ::-1]  # the square beside the first corner is the white one
-    if not _are_saddles(grey, grid):
-        raise BoardNotFoundError(
-            f"the chessboard of {board.columns} x {board.rows} inner corners is not in view whole"
-        )
-    spacing = min(float(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min()) for axis in (0, 1))
-    half = max(2, int(SADDLE_WINDOW * spacing))
+    half = max(MIN_HALF_WINDOW, int(half_window))
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
-    start = np.ascontiguousarray(grid, np.float32).reshape(-1, 1, 2)
+    start = np.ascontiguousarray(pixels, np.float32).reshape(-1, 1, 2)
     moved = cv2.cornerSubPix(grey, start, (half, half), (-1, -1), criteria)
-    return BoardCorners(corners.points_board, np.asarray(moved, np.float64).reshape(-1, 2))
+    return np.asarray(moved, np.float64).reshape(-1, 2)
 
 
-def grey_levels(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    """An image's grey values, shape (H, W)."""
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    return np.asarray(grey, np.float32)
-
-
-def _are_saddles(grey: npt.NDArray[np.float32], grid: npt.NDArray[np.float64]) -> bool:
-    """Whether dark and bright squares alternate around every corner of a grid, (rows, columns, 2).
+def are_saddles(grey: Float32Array, grid: Float64Array) -> bool:
+    """Whether dark and bright squares alternate around every corner of a grid.
 
     On the edge of the pattern the rim is bright on both sides.
+
+    Args:
+        grey: See `grey_levels`.
+        grid: Corners (u, v) [px], shape (rows, columns, 2).
     """
     down, right = np.gradient(grid, axis=(0, 1))
     one = _around(grey, grid + (right + down) / 2) + _around(grey, grid - (right + down) / 2)
@@ -78,14 +62,13 @@ def _are_saddles(grey: npt.NDArray[np.float32], grid: npt.NDArray[np.float64]) -
     return bool(contrast.min() > SADDLE_SHARE * np.median(contrast))
 
 
-def _first_square(grey: npt.NDArray[np.float32], grid: npt.NDArray[np.float64]) -> float:
-    """Grey value in the middle of the square between the first four corners."""
-    return float(_around(grey, grid[:2, :2].mean(axis=(0, 1))))
+def starts_on_white(grey: Float32Array, grid: Float64Array) -> bool:
+    """Whether the square beside the first corner of a grid is brighter than that of the last."""
+    first, last = (corner.mean(axis=(0, 1)) for corner in (grid[:2, :2], grid[-2:, -2:]))
+    return bool(_around(grey, first) >= _around(grey, last))
 
 
-def _around(
-    grey: npt.NDArray[np.float32], pixels: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float32]:
+def _around(grey: Float32Array, pixels: Float64Array) -> Float32Array:
     """Mean grey value of 3 x 3 pixels around places (u, v), shape (..., 2)."""
     mean = np.asarray(cv2.blur(grey, (3, 3)), np.float32)
     column, row = np.moveaxis(np.rint(pixels).astype(int), -1, 0)

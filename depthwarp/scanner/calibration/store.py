@@ -8,7 +8,6 @@ import json
 import math
 import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,12 +16,14 @@ from depthwarp.errors import FileFormatError, InputError
 from depthwarp.io.atomic import atomic_path
 from depthwarp.scanner.frames import SourceInfo
 from depthwarp.scanner.geometry import Lens, ScannerGeometry, TurningAxis
+from depthwarp.scanner.json_files import JsonKind
 from depthwarp.scanner.uncertainty import GeometryCovariance
 
 __all__ = ["Residuals", "ScannerCalibration", "load_calibration"]
 
-SCHEMA = "depthwarp scanner calibration"
-VERSION = 1
+FILE_KIND = JsonKind(
+    "calibration", ("schema", "depthwarp scanner calibration"), 1, "calibrate again"
+)
 
 
 @dataclass(frozen=True)
@@ -139,41 +140,24 @@ def load_calibration(path: str | os.PathLike[str]) -> ScannerCalibration:
         InputError: There is no such file.
         FileFormatError: Not a calibration, one of a newer version, or one that was changed.
     """
-    path = Path(path)
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read the calibration {path}: {error.strerror}") from error
-    except ValueError as error:  # not UTF-8, not JSON
-        raise FileFormatError(f"{path} is not a calibration: {error}") from error
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        raise FileFormatError(f"{path} is not a calibration: its schema is not '{SCHEMA}'")
-    if content.get("version") != VERSION:
-        raise FileFormatError(
-            f"{path} has version {content.get('version')} of the calibration format, this program "
-            f"reads version {VERSION}: calibrate again, or use the program that wrote it"
-        )
-    try:
+
+    def parse(content: dict[str, Any]) -> ScannerCalibration:
         calibration = _from_content(content)
-        unchanged = content["sha256"] == calibration.content_hash
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise FileFormatError(
-            f"{path} is damaged: {type(error).__name__}: {error}; calibrate again"
-        ) from error
-    if not unchanged:
-        raise FileFormatError(
-            f"{path} was changed after it was written, its hash does not fit its numbers: use the "
-            "original file, or calibrate again"
-        )
-    return calibration
+        if content["sha256"] != calibration.content_hash:
+            raise FileFormatError(
+                f"{path} was changed after it was written, its hash does not fit its numbers: use "
+                "the original file, or calibrate again"
+            )
+        return calibration
+
+    return FILE_KIND.read(path, parse)
 
 
 def _content(calibration: ScannerCalibration) -> dict[str, Any]:
     geometry = calibration.geometry
     lens = dataclasses.asdict(geometry.lens)
     return {
-        "schema": SCHEMA,
-        "version": VERSION,
+        **FILE_KIND.header,
         "date": calibration.date,
         "camera": {"name": calibration.camera_name, "serial": calibration.camera_serial},
         "board": calibration.board,

@@ -25,7 +25,11 @@ MIN_TURN_DEG = 5.0
 """Pairs of views that are nearer than this say little about the axis."""
 
 MAX_ANGLE_ERROR_DEG = 1.0
-"""A board that turned this much more or less than the motor means lost steps or a wrong scale."""
+"""A board that turned this much more or less than the motor means lost steps or a wrong scale.
+
+It is the median of a placement's pairs of views that counts: the tilt of a far board that nearly
+faces the camera is seen to a degree only.
+"""
 
 
 def head_turned(direction: Float64Array, point: Float64Array, degrees: float) -> Float64Array:
@@ -58,6 +62,7 @@ def calibrate_turning_axis(views: Sequence[BoardView], poses: Float64Array) -> T
             angle than the motor, or an axis that points down: the motor counts the other way.
     """
     directions, left, right = [], [], []
+    turns: dict[int, list[tuple[float, float]]] = {}  # of each placement: by the motor, as seen
     for (first, first_pose), (second, second_pose) in itertools.combinations(
         zip(views, poses, strict=True), 2
     ):
@@ -66,7 +71,8 @@ def calibrate_turning_axis(views: Sequence[BoardView], poses: Float64Array) -> T
             continue
         motion = second_pose @ np.linalg.inv(first_pose)
         vector = np.ravel(cv2.Rodrigues(motion[:3, :3])[0])
-        _check_angle(first, second, turned, float(np.degrees(np.linalg.norm(vector))))
+        seen = float(np.degrees(np.linalg.norm(vector)))
+        turns.setdefault(first.placement, []).append((abs(turned), seen))
         directions.append(-vector * np.sign(turned))
         left.append(np.eye(3) - motion[:3, :3])
         right.append(motion[:3, 3])
@@ -76,6 +82,8 @@ def calibrate_turning_axis(views: Sequence[BoardView], poses: Float64Array) -> T
             f"turn the head by at least {MIN_TURN_DEG:.0f} degrees and take further views; 10 "
             "views over 40 degrees or more are good"
         )
+    for placement, pairs in turns.items():
+        _check_turns(placement, np.array(pairs))
     direction = np.sum(directions, axis=0)
     direction /= np.linalg.norm(direction)
     if direction[1] > 0:
@@ -99,11 +107,13 @@ def _wrapped(degrees: float) -> float:
     return (degrees + 180.0) % 360.0 - 180.0
 
 
-def _check_angle(first: BoardView, second: BoardView, turned: float, seen: float) -> None:
-    if abs(abs(turned) - seen) > MAX_ANGLE_ERROR_DEG:
+def _check_turns(placement: int, pairs: Float64Array) -> None:
+    """Compare turns by the motor with those seen [degrees], shape (N, 2)."""
+    error = pairs[:, 1] - pairs[:, 0]
+    if abs(np.median(error)) > MAX_ANGLE_ERROR_DEG:
+        turned, seen = pairs[np.argsort(error)[len(error) // 2]]
         raise InputError(
-            f"between the motor angles {first.angle_deg:g} and {second.angle_deg:g} degrees the "
-            f"board turned by {seen:.2f} degrees in the camera, not by {abs(turned):.2f}: the "
-            "motor lost steps or its steps per degree are wrong, or the board of placement "
-            f"{first.placement} was moved"
+            f"while the motor turned by {turned:.2f} degrees, the board of placement {placement} "
+            f"turned by {seen:.2f} degrees in the camera: the motor lost steps or its steps per "
+            "degree are wrong, or the board was moved"
         )

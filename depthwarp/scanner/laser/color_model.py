@@ -7,21 +7,22 @@ import math
 import os
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from depthwarp.errors import FileFormatError, InputError
+from depthwarp.errors import InputError
 from depthwarp.io.atomic import atomic_path
+from depthwarp.scanner.json_files import JsonKind
 from depthwarp.scanner.laser.colors import CHANNELS
 from depthwarp.scanner.laser.mixture import GaussianMixture
 
 __all__ = ["ColorKind", "LaserColorModel"]
 
-FILE_FORMAT = "depthwarp laser colour model"
-FILE_VERSION = 1
+FILE_KIND = JsonKind(
+    "laser colour model", ("format", "depthwarp laser colour model"), 1, "fit the model again"
+)
 
 
 class ColorKind(StrEnum):
@@ -95,8 +96,7 @@ class LaserColorModel:
             InputError: The file cannot be written.
         """
         content = {
-            "format": FILE_FORMAT,
-            "version": FILE_VERSION,
+            **FILE_KIND.header,
             "kind": self.kind.value,
             "channel": CHANNELS[self.channel],
             "prior": self.prior,
@@ -114,32 +114,16 @@ class LaserColorModel:
             InputError: There is no such file.
             FileFormatError: It is not a colour model, or a damaged one.
         """
-        path = Path(path)
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"cannot read {path}: {error.strerror}") from error
-        except ValueError as error:  # not UTF-8, not JSON
-            raise FileFormatError(f"{path}: not a laser colour model ({error})") from error
-        if not isinstance(content, dict) or content.get("format") != FILE_FORMAT:
-            raise FileFormatError(f"{path}: not a laser colour model; fit one and save it")
-        if content.get("version") != FILE_VERSION:
-            raise FileFormatError(
-                f"{path}: version {content.get('version')} of a laser colour model, this program "
-                f"reads version {FILE_VERSION}: fit the model again"
-            )
-        try:
-            return cls(
+        return FILE_KIND.read(
+            path,
+            lambda content: cls(
                 laser=_from_lists(content["laser"]),
                 background=_from_lists(content["background"]),
                 prior=float(content["prior"]),
                 kind=ColorKind(content["kind"]),
                 channel=CHANNELS.index(content["channel"]),
-            )
-        except (KeyError, TypeError, ValueError) as error:  # InputError is a ValueError
-            raise FileFormatError(
-                f"{path}: damaged laser colour model ({error}); fit it again"
-            ) from error
+            ),
+        )
 
 
 def _to_lists(mixture: GaussianMixture) -> dict[str, Any]:
