@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from depthwarp import cameras, errors, filters, io
-    from depthwarp.cameras import PinholeCamera, Pose
+    from depthwarp.cameras import (
+        Camera,
+        CylindricalCamera,
+        DoubleSphereCamera,
+        EquirectangularCamera,
+        FisheyeCamera,
+        OrthographicCamera,
+        PinholeCamera,
+        Pose,
+        SpinningLidar,
+    )
     from depthwarp.cloud import PointCloud
     from depthwarp.depth_map import DepthMap, RenderStats, State
     from depthwarp.io import read
@@ -19,12 +29,19 @@ if TYPE_CHECKING:
     from depthwarp.rendering import render
 
 __all__ = [
+    "Camera",
+    "CylindricalCamera",
     "DepthMap",
+    "DoubleSphereCamera",
+    "EquirectangularCamera",
+    "FisheyeCamera",
+    "OrthographicCamera",
     "PinholeCamera",
     "PointCloud",
     "Pose",
     "RangeView",
     "RenderStats",
+    "SpinningLidar",
     "State",
     "cameras",
     "errors",
@@ -38,12 +55,19 @@ __version__ = "0.1.0"
 
 # Imported on first use: `import depthwarp` and `depthwarp --help` do not wait for Warp or OpenCV.
 _MODULE_OF_NAME = {
+    "Camera": "depthwarp.cameras",
+    "CylindricalCamera": "depthwarp.cameras",
     "DepthMap": "depthwarp.depth_map",
+    "DoubleSphereCamera": "depthwarp.cameras",
+    "EquirectangularCamera": "depthwarp.cameras",
+    "FisheyeCamera": "depthwarp.cameras",
+    "OrthographicCamera": "depthwarp.cameras",
     "PinholeCamera": "depthwarp.cameras",
     "PointCloud": "depthwarp.cloud",
     "Pose": "depthwarp.cameras",
     "RangeView": "depthwarp.range_view",
     "RenderStats": "depthwarp.depth_map",
+    "SpinningLidar": "depthwarp.cameras",
     "State": "depthwarp.depth_map",
     "read": "depthwarp.io",
     "render": "depthwarp.rendering",

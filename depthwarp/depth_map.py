@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from depthwarp.cameras import DepthKind, PinholeCamera
+from depthwarp.cameras import Camera, DepthKind
 
 if TYPE_CHECKING:
+    from depthwarp.cloud import PointCloud
     from depthwarp.encodings import EncodingName
 
 __all__ = ["DepthMap", "RenderStats", "State"]
@@ -94,7 +95,7 @@ class DepthMap:
     depth: npt.NDArray[np.float32]
     index: npt.NDArray[np.int32]
     state: npt.NDArray[np.uint8]
-    camera: PinholeCamera
+    camera: Camera
     kind: DepthKind
     min_range: float
     max_range: float
@@ -120,6 +121,29 @@ class DepthMap:
         from depthwarp.saving import save_depth_map
 
         save_depth_map(self, path, encoding)
+
+    def unproject(self) -> PointCloud:
+        """The points that the map shows, on the rays through the pixels' centres.
+
+        Returns:
+            One point for each pixel that is not empty, row by row, in the world frame; with the
+            attributes `column`, `row` [px], `index` (of the point in the rendered cloud) and
+            `state`. Rendered again by the same camera they give the same pixels, and the same
+            depth but for the rounding to float32.
+        """
+        from depthwarp.cloud import PointCloud
+
+        points = self.camera.unproject(self)
+        row, column = np.nonzero(np.isfinite(points).all(axis=2))
+        return PointCloud(
+            points[row, column].astype(np.float32),
+            {
+                "column": column.astype(np.int32),
+                "row": row.astype(np.int32),
+                "index": self.index[row, column],
+                "state": self.state[row, column],
+            },
+        )
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> DepthMap:

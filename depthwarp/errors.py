@@ -8,6 +8,7 @@ __all__ = [
     "DeviceError",
     "FileFormatError",
     "InputError",
+    "LensDomainWarning",
     "MissingExtraError",
 ]
 
@@ -40,3 +41,7 @@ class MissingExtraError(DepthwarpError, ImportError):
             f"{purpose} needs the package '{package}', which is not installed: "
             f'pip install "depthwarp[{extra}]"'
         )
+
+
+class LensDomainWarning(UserWarning):
+    """A lens model reaches less than its image: some pixels will never be drawn."""

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 import depthwarp
-from depthwarp.cameras import PinholeCamera, Pose
+from depthwarp.cameras import Camera
+from depthwarp.cameras.description import camera_from_dict, camera_to_dict
 from depthwarp.checks import check_choice
 from depthwarp.depth_map import DepthMap, RenderStats, State
 from depthwarp.encodings import EncodingName, encode_depth, get_encoding
@@ -89,7 +90,7 @@ def check_output(path: Path, encoding: EncodingName | None = None, max_range: fl
     return suffix
 
 
-def load_camera(path: str | os.PathLike[str]) -> PinholeCamera:
+def load_camera(path: str | os.PathLike[str]) -> Camera:
     """The camera of a depth map that was saved: of its `.npz`, or of the `.json` beside its image.
 
     Raises:
@@ -100,7 +101,7 @@ def load_camera(path: str | os.PathLike[str]) -> PinholeCamera:
     if path.suffix.lower() == ".npz":
         return load_depth_map(path).camera
     try:
-        return _camera_from_dict(json.loads(path.read_text(encoding="utf-8"))["camera"])
+        return camera_from_dict(json.loads(path.read_text(encoding="utf-8"))["camera"])
     except FileNotFoundError as error:
         raise FileNotFoundError(f"{path}: there is no such file; check the name") from error
     except (KeyError, ValueError, TypeError) as error:
@@ -132,7 +133,7 @@ def load_depth_map(path: str | os.PathLike[str]) -> DepthMap:
             depth=arrays["depth"],
             index=arrays["index"],
             state=arrays["state"],
-            camera=_camera_from_dict(json.loads(str(arrays["camera"]))),
+            camera=camera_from_dict(json.loads(str(arrays["camera"]))),
             kind=check_choice("depth_kind", about["depth_kind"], ("range", "z")),
             min_range=float(about["min_range_m"]),
             max_range=math.inf if max_range is None else float(max_range),
@@ -160,7 +161,7 @@ def describe_depth_map(depth_map: DepthMap) -> dict[str, Any]:
         # JSON has no infinity: null is "no bound".
         "filters": list(depth_map.filters),
         "max_range_m": depth_map.max_range if math.isfinite(depth_map.max_range) else None,
-        "camera": _camera_to_dict(depth_map.camera),
+        "camera": camera_to_dict(depth_map.camera),
         "counts": dict(depth_map.stats),
         "pixels": {
             state.name.lower(): int(np.count_nonzero(depth_map.state == state)) for state in State
@@ -222,7 +223,7 @@ def _write_npz(file: Path, depth_map: DepthMap) -> None:
             depth=depth_map.depth,
             index=depth_map.index,
             state=depth_map.state,
-            camera=np.array(json.dumps(_camera_to_dict(depth_map.camera))),
+            camera=np.array(json.dumps(camera_to_dict(depth_map.camera))),
             about=np.array(json.dumps(describe_depth_map(depth_map))),
         )
 
@@ -236,24 +237,3 @@ def _check_arrays(depth_map: DepthMap) -> None:
                 f"{name} must be {np.dtype(dtype)} of the camera's shape {size}, "
                 f"got {array.dtype} of {array.shape}"
             )
-
-
-def _camera_to_dict(camera: PinholeCamera) -> dict[str, Any]:
-    pose = camera.pose
-    return {
-        "model": "pinhole",
-        "width": camera.width,
-        "height": camera.height,
-        "K": camera.K.tolist(),
-        "optical_from_world": pose.optical_from_world.tolist(),
-        "camera_from_world": pose.camera_from_world,
-        "position": pose.position,
-        "shift": pose.shift,
-    }
-
-
-def _camera_from_dict(entries: dict[str, Any]) -> PinholeCamera:
-    (fx, _, cx), (_, fy, cy), _ = entries["K"]
-    first, second, third = (tuple(row) for row in entries["camera_from_world"])
-    pose = Pose((first, second, third), tuple(entries["position"]), tuple(entries["shift"]))
-    return PinholeCamera(fx, fy, cx, cy, entries["width"], entries["height"], pose)

@@ -1,18 +1,20 @@
-"""The pinhole camera: straight lines through one centre onto a plane."""
+"""The pinhole camera: rays through one centre onto a plane, bent by a real lens or not."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from depthwarp.cameras.brown import BrownDistortion
+from depthwarp.cameras.camera import Camera, DeviceLens
 from depthwarp.cameras.pose import Pose, PositionFrame
 from depthwarp.checks import (
-    check_choice,
     check_finite_vector,
     check_fov,
     check_positive,
@@ -20,19 +22,18 @@ from depthwarp.checks import (
 )
 from depthwarp.errors import InputError
 
-__all__ = ["DepthKind", "PinholeCamera"]
-
-DepthKind = Literal["range", "z"]
-"""`range`: Euclidean distance from the camera's centre. `z`: distance along the optical axis."""
+__all__ = ["PinholeCamera", "intrinsics_of"]
 
 Float64Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class PinholeCamera:
-    """A pinhole camera without lens distortion.
+class PinholeCamera(Camera):
+    """A pinhole camera, with OpenCV's lens distortion or without.
 
-    Pixel centres are at whole numbers (OpenCV): the image spans u from -0.5 to width - 0.5.
+    Pixel centres are at whole numbers (OpenCV): the image spans u from -0.5 to width - 0.5. A
+    distorted lens has a domain: points so far off the axis that the model would fold them back
+    into the image are not drawn.
 
     Attributes:
         fx: Focal length along columns [px].
@@ -42,10 +43,16 @@ class PinholeCamera:
         width: Image width [px].
         height: Image height [px].
         pose: Where the camera stands and looks.
+        distortion: Brown-Conrady or rational coefficients in OpenCV's order: (k1, k2, p1, p2[, k3[,
+            k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]); empty for an ideal lens. Trailing
+            zeros are dropped.
 
     Raises:
-        InputError: A focal length that is not above 0, a principal point that is not finite, or a
-            size that is not a positive whole number.
+        InputError: A focal length that is not above 0, a principal point that is not finite, a
+            size that is not a positive whole number, or coefficients in another number.
+
+    Warns:
+        LensDomainWarning: The lens's domain is smaller than the image.
 
     Example:
         >>> import depthwarp as dw
@@ -61,6 +68,7 @@ class PinholeCamera:
     width: int
     height: int
     pose: Pose
+    distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         check_positive("fx", self.fx, "pixels")
@@ -69,6 +77,10 @@ class PinholeCamera:
         width, height = check_size((self.width, self.height))
         object.__setattr__(self, "width", width)
         object.__setattr__(self, "height", height)
+        coefficients = BrownDistortion.from_coefficients(self.distortion).coefficients
+        object.__setattr__(self, "distortion", coefficients)
+        if coefficients:
+            self.warn_of_lost_pixels()
 
     @classmethod
     def from_fov(
@@ -117,71 +129,111 @@ class PinholeCamera:
         Args:
             K: Intrinsics, shape (3, 3): [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] [px].
             size: (width, height) [px].
-            distortion: Lens distortion coefficients; only None or zeros, an ideal lens.
+            distortion: Lens distortion coefficients in OpenCV's order, see `distortion` of the
+                class; None or zeros for an ideal lens.
             optical_from_world: World to optical axes (X right, Y down, Z forward), shape (4, 4),
                 column vectors [m]; the identity when None.
 
         Raises:
             InputError: Wrong shapes, numbers that are not finite, skew, a matrix that is not a
-                rotation, or a distorted lens.
+                rotation, or coefficients in another number than OpenCV's.
+
+        Warns:
+            LensDomainWarning: The lens's domain is smaller than the image.
         """
-        matrix = np.asarray(K, dtype=np.float64)
-        if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-            raise InputError(f"K must be a finite 3 x 3 matrix, got shape {matrix.shape}")
-        if matrix[0, 1] != 0 or matrix[1, 0] != 0 or tuple(matrix[2]) != (0.0, 0.0, 1.0):
-            raise InputError(
-                "K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew, "
-                f"got {matrix.tolist()}"
-            )
-        if distortion is not None and np.any(np.asarray(distortion, dtype=np.float64)):
-            raise InputError(
-                "distortion: this camera is an ideal pinhole; undistort the image "
-                "(cv2.undistort) and pass the new camera matrix"
-            )
+        fx, fy, cx, cy = intrinsics_of(K)
         width, height = check_size(size)
         transform = np.eye(4) if optical_from_world is None else optical_from_world
         return cls(
-            fx=float(matrix[0, 0]),
-            fy=float(matrix[1, 1]),
-            cx=float(matrix[0, 2]),
-            cy=float(matrix[1, 2]),
+            fx=fx,
+            fy=fy,
+            cx=cx,
+            cy=cy,
             width=width,
             height=height,
             pose=Pose.from_optical(transform),
+            distortion=() if distortion is None else tuple(np.ravel(distortion).tolist()),
         )
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Image size (width, height) [px]."""
-        return self.width, self.height
 
     @property
     def K(self) -> Float64Array:
         """Intrinsic matrix [px], shape (3, 3), float64."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]], np.float64)
 
-    def project(
-        self, points_world: npt.NDArray[np.floating], depth: DepthKind = "range"
-    ) -> tuple[Float64Array, Float64Array, Float64Array, npt.NDArray[np.bool_]]:
-        """Project points in float64: the reference of the kernel, equation (10) and GEOMETRY.
+    @cached_property
+    def lens(self) -> BrownDistortion:
+        """The distortion, and its domain."""
+        return BrownDistortion.from_coefficients(self.distortion)
 
-        Args:
-            points_world: Points [m], shape (N, 3).
-            depth: Which depth to return.
+    def image_of(self, points_camera: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """Columns u and rows v of points in the camera frame; see `Camera.image_of`."""
+        x = np.where(points_camera[..., 0] > 0, points_camera[..., 0], np.nan)
+        right, down = -(points_camera[..., 1] / x), -(points_camera[..., 2] / x)
+        if self.distortion:
+            right, down = self.lens.apply(right, down)
+        return self.cx + self.fx * right, self.cy + self.fy * down
 
-        Returns:
-            Columns u [px], rows v [px] and depth [m], each (N,) float64, NaN where the point is not
-            ahead of the camera or not finite; and a mask (N,), true where the pixel
-            `(floor(u + 0.5), floor(v + 0.5))` lies in the image.
-        """
-        check_choice("depth", depth, ("range", "z"))
-        with np.errstate(all="ignore"):
-            x, y, z = self.pose.to_camera(np.asarray(points_world)).T
-            ahead = np.isfinite(x) & np.isfinite(y) & np.isfinite(z) & (x > 0)
-            x = np.where(ahead, x, np.nan)
-            u = self.cx - self.fx * (y / x)
-            v = self.cy - self.fy * (z / x)
-            distance = np.sqrt(x * x + y * y + z * z) if depth == "range" else x
-            column, row = np.floor(u + 0.5), np.floor(v + 0.5)
-            valid = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
-        return u, v, distance, valid
+    def directions(self, u: npt.ArrayLike, v: npt.ArrayLike) -> Float64Array:
+        """Unit vectors along the rays of pixels, in the camera frame; see `Camera.directions`."""
+        right = (np.asarray(u, dtype=np.float64) - self.cx) / self.fx
+        down = (np.asarray(v, dtype=np.float64) - self.cy) / self.fy
+        if self.distortion:
+            with np.errstate(all="ignore"):
+                right, down = self.lens.undo(right, down)
+        ray = np.stack(np.broadcast_arrays(1.0, -right, -down), axis=-1)
+        unit: Float64Array = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
+        return unit
+
+    def device_lens(self, first: int = 0) -> DeviceLens:
+        """The lens as kernels take it; see `Camera.device_lens`."""
+        import warp as wp
+
+        from depthwarp_kernels import lens_pinhole
+
+        numbers: object
+        if not self.distortion:
+            model = lens_pinhole.PINHOLE
+            numbers = _pinhole_numbers(lens_pinhole.PinholeLens(), self)
+        elif not self.lens.is_rational:
+            model = lens_pinhole.BROWN
+            numbers = _brown_numbers(lens_pinhole.BrownLens(), self)
+        else:
+            model, lens = lens_pinhole.RATIONAL, self.lens
+            full: Any = lens_pinhole.RationalLens()
+            full.brown = _brown_numbers(lens_pinhole.BrownLens(), self)
+            full.k4, full.k5, full.k6 = lens.k4, lens.k5, lens.k6
+            full.prism = wp.vec4f(lens.s1, lens.s2, lens.s3, lens.s4)
+            full.tilt = wp.mat33f(*lens.tilt.ravel().tolist())
+            numbers = full
+        return DeviceLens(model, numbers, np.empty(0, np.float32))
+
+
+def intrinsics_of(K: npt.ArrayLike) -> tuple[float, float, float, float]:
+    """(fx, fy, cx, cy) of an intrinsic matrix.
+
+    Raises:
+        InputError: Wrong shape, numbers that are not finite, skew, or a last row that is not
+            (0, 0, 1).
+    """
+    matrix = np.asarray(K, dtype=np.float64)
+    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
+        raise InputError(f"K must be a finite 3 x 3 matrix, got shape {matrix.shape}")
+    if matrix[0, 1] != 0 or matrix[1, 0] != 0 or tuple(matrix[2]) != (0.0, 0.0, 1.0):
+        raise InputError(
+            f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew, got {matrix.tolist()}"
+        )
+    return float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
+
+
+def _pinhole_numbers(numbers: Any, camera: PinholeCamera) -> Any:
+    numbers.fx, numbers.fy, numbers.cx, numbers.cy = camera.fx, camera.fy, camera.cx, camera.cy
+    return numbers
+
+
+def _brown_numbers(numbers: Any, camera: PinholeCamera) -> Any:
+    lens = camera.lens
+    _pinhole_numbers(numbers, camera)
+    numbers.k1, numbers.k2, numbers.k3 = lens.k1, lens.k2, lens.k3
+    numbers.p1, numbers.p2 = lens.p1, lens.p2
+    numbers.max_square = lens.max_radius**2
+    return numbers

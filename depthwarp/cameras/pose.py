@@ -155,6 +155,20 @@ class Pose:
         camera: Float64Array = offset @ self.rotation.T - np.array(self.shift)
         return camera
 
+    def to_world(self, points_camera: npt.NDArray[np.floating]) -> Float64Array:
+        """Points of the camera frame in the world frame, float64: the inverse of `to_camera`.
+
+        Args:
+            points_camera: Points [m], shape (..., 3).
+
+        Returns:
+            Points in the world frame [m], shape (..., 3).
+        """
+        shifted = points_camera.astype(np.float64) + np.array(self.shift)
+        # A rotation rounded in a file is not quite orthogonal, so its inverse is no transpose.
+        world: Float64Array = shifted @ np.linalg.inv(self.rotation).T + np.array(self.position)
+        return world
+
 
 def _vector3(values: Sequence[float] | Float64Array) -> Vector3:
     x, y, z = (float(value) for value in values)

@@ -1,7 +1,8 @@
 """Rendering: clouds into depth maps."""
 
 from depthwarp.rendering.config import RenderConfig
-from depthwarp.rendering.plan import RenderPlan, ViewPlan
+from depthwarp.rendering.plan import RenderPlan
 from depthwarp.rendering.single import render
+from depthwarp.rendering.views import ViewPlan
 
 __all__ = ["RenderConfig", "RenderPlan", "ViewPlan", "render"]

@@ -3,69 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from depthwarp import arrays
-from depthwarp.cameras import PinholeCamera
 from depthwarp.depth_map import DepthMap, RenderStats
 from depthwarp.devices import check_memory
-from depthwarp.errors import InputError
 from depthwarp.filters import DeviceMaps
 from depthwarp.rendering.config import RenderConfig
+from depthwarp.rendering.views import DeviceViews, ViewPlan
 from depthwarp_kernels import splat
-from depthwarp_kernels.view import View
 
-__all__ = ["RenderPlan", "ViewPlan"]
+__all__ = ["RenderPlan"]
 
 MAP_BYTES = 8 + 4 + 4 + 1  # a pixel: key, depth, index, state
-FLOAT32_MAX = float(np.finfo(np.float32).max)
-
-
-@dataclass(frozen=True)
-class ViewPlan:
-    """One view: its camera and, where the paper's segmentation selects the points, its rectangles.
-
-    Attributes:
-        camera: Pose and lens.
-        line_count: Number of rectangles N_L of (8)(9); 0 without segmentation.
-        steps: Growth of the rectangles (7) [m].
-    """
-
-    camera: PinholeCamera
-    line_count: int = 0
-    steps: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class RenderPlan:
-    """Owns the buffers of V views of one size; `render` draws a cloud into them.
+    """Owns the buffers of V views of one lens model and size; `render` draws a cloud into them.
 
     Args:
-        views: What to render, all of one image size, all with or all without segmentation.
+        views: What to render, all of one camera model and image size, all with or all without
+            segmentation.
         config: Depth kind, bounds and filters.
         device: Warp device.
 
     Raises:
-        InputError: Views of different sizes, with and without segmentation, or none.
+        InputError: Views of different models or sizes, with and without segmentation, or none; or
+            a model without the kind of depth that is asked for.
         CapacityError: The buffers do not fit the device.
     """
 
     def __init__(self, views: Sequence[ViewPlan], config: RenderConfig, device: Any) -> None:
-        if len({(view.camera.size, view.line_count > 0) for view in views}) != 1:
-            raise InputError(
-                "views must be at least one, all of one image size, all with or all without "
-                "segmentation"
-            )
+        self._views = DeviceViews(views, config, device)
         self._cameras = [view.camera for view in views]
         self._config = config
         self._device = device
         self._splat = splat.splat_kernel(
-            splat.SplatConfig(depth=config.depth, range_view=views[0].line_count > 0)
+            splat.SplatConfig(self._views.model, config.depth, views[0].line_count > 0)
         )
-        width, height = self._cameras[0].size
+        width, height = self._views.size
         shape = (len(views), height, width)
         scratch = sum(step.scratch_bytes for step in config.filters)
         check_memory(
@@ -73,9 +52,6 @@ class RenderPlan:
             len(views) * height * width * (MAP_BYTES + scratch),
             device,
             "choose a smaller size, or a larger q_depth_map",
-        )
-        self._views: Any = wp.array(
-            [_view_struct(view, config) for view in views], dtype=View, device=device
         )
         self._keys = arrays.empty(shape, wp.uint64, device)
         self._counts = arrays.empty((len(views), splat.COUNT_COLUMNS), wp.int64, device)
@@ -102,7 +78,7 @@ class RenderPlan:
         wp.launch(
             self._splat,
             dim=(views, points),
-            inputs=[self._views, points_world],
+            inputs=[*self._views.arrays, points_world],
             outputs=[self._keys, self._counts],
             device=self._device,
         )
@@ -137,21 +113,6 @@ class RenderPlan:
             )
             for v, camera in enumerate(self._cameras)
         ]
-
-
-def _view_struct(plan: ViewPlan, config: RenderConfig) -> Any:
-    camera, pose = plan.camera, plan.camera.pose
-    view: Any = View()
-    view.rotation = wp.mat33f(*pose.rotation.ravel().tolist())
-    view.position = wp.vec3f(*pose.position)
-    view.shift = wp.vec3f(*pose.shift)
-    view.fx, view.fy, view.cx, view.cy = camera.fx, camera.fy, camera.cx, camera.cy
-    view.width, view.height = camera.size
-    view.min_range = config.min_range
-    view.max_range = min(config.max_range, FLOAT32_MAX)  # a range that overflows is too far
-    view.line_count = plan.line_count
-    view.steps = wp.vec3f(*plan.steps)
-    return view
 
 
 def _stats(total: int, counts: np.ndarray[Any, np.dtype[np.int64]]) -> RenderStats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from depthwarp import arrays
-from depthwarp.cameras import DepthKind, PinholeCamera
+from depthwarp.cameras import Camera, DepthKind
 from depthwarp.cloud import PointCloud
 from depthwarp.depth_map import DepthMap
 from depthwarp.devices import check_memory, resolve_device
@@ -13,14 +13,15 @@ from depthwarp.errors import InputError
 from depthwarp.filters import Filter, check_filters
 from depthwarp.range_view import RangeView
 from depthwarp.rendering.config import RenderConfig
-from depthwarp.rendering.plan import RenderPlan, ViewPlan
+from depthwarp.rendering.plan import RenderPlan
+from depthwarp.rendering.views import ViewPlan
 
 __all__ = ["render"]
 
 
 def render(
     cloud: PointCloud,
-    camera: PinholeCamera | RangeView,
+    camera: Camera | RangeView,
     *,
     depth: DepthKind = "range",
     filters: Sequence[Filter] | None = None,
@@ -35,9 +36,10 @@ def render(
 
     Args:
         cloud: Points in the world frame.
-        camera: A camera; or a `RangeView`, which selects the points by (8)(9) first and projects
-            them onto its depth plane: the paper's own process.
-        depth: `"range"`: Euclidean distance, the paper's (10). `"z"`: along the optical axis.
+        camera: A camera of any model; or a `RangeView`, which selects the points by (8)(9) first
+            and projects them onto its depth plane: the paper's own process.
+        depth: `"range"`: Euclidean distance, the paper's (10). `"z"`: along the optical axis, for
+            models that have one.
         filters: Applied in order after the splat, e.g. `dw.filters.paper()`; None for none.
         min_range: Nearer points are not drawn [m].
         max_range: Farther points are not drawn [m]; `math.inf` for no bound.
@@ -72,11 +74,12 @@ def render(
     if isinstance(camera, RangeView):
         line_count = camera.line_count(cloud, device=device)
         view = ViewPlan(camera.camera_of_plane(line_count), line_count, camera.steps)
-    elif isinstance(camera, PinholeCamera):
+    elif isinstance(camera, Camera):
         view = ViewPlan(camera)
     else:
         raise InputError(
-            f"camera must be a PinholeCamera or a RangeView, got {type(camera).__name__}"
+            "camera must be a camera, e.g. a PinholeCamera or a RangeView, got "
+            f"{type(camera).__name__}"
         )
     plan = RenderPlan([view], config, target)
     plan.render(points)

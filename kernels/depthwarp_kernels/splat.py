@@ -10,16 +10,14 @@ from functools import cache
 
 import warp as wp
 
+from depthwarp_kernels.lens import LensModel, z_of
 from depthwarp_kernels.options import EXACT
 from depthwarp_kernels.view import (
     View,
     in_image,
     in_range_view,
     is_finite,
-    project_pinhole,
-    range_depth,
-    to_camera,
-    z_depth,
+    pixel_of,
 )
 
 wp.set_module_options(EXACT)
@@ -41,10 +39,21 @@ STATE_MEASURED = wp.constant(wp.uint8(1))
 
 @dataclass(frozen=True)
 class SplatConfig:
-    """What is decided at compile time: the depth kind, and whether (8)(9) select the points."""
+    """What is decided at compile time: the lens, the depth, whether (8)(9) select the points."""
 
+    lens: LensModel
     depth: str
     range_view: bool
+
+    @property
+    def ahead_only(self):
+        """Whether points with X <= 0 are behind the camera."""
+        return self.lens.ahead_only or self.depth == "z"
+
+    @property
+    def depth_of(self):
+        """The function (lens, p) that measures the depth of a camera-frame point."""
+        return z_of if self.depth == "z" else self.lens.range_of
 
 
 @wp.func
@@ -62,12 +71,17 @@ def pack_key(depth: wp.float32, index: wp.int32):
 @cache
 def splat_kernel(config: SplatConfig):
     """Kernel that draws points into the keys of views; launch over (views, points)."""
-    depth_of = range_depth if config.depth == "range" else z_depth
+    depth_of = config.depth_of
+    Lens = config.lens.struct
+    place = config.lens.place
+    project = config.lens.project
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
     def splat(
         # In:
         views: wp.array[View],
+        lenses: wp.array[Lens],
+        tables: wp.array[wp.float32],
         points_world: wp.array[wp.vec3f],
         # Out:
         keys_out: wp.array3d[wp.uint64],
@@ -75,22 +89,24 @@ def splat_kernel(config: SplatConfig):
     ):
         v, i = wp.tid()
         view = views[v]
-        p = to_camera(points_world[i], view.rotation, view.position, view.shift)
+        lens = lenses[v]
+        p = place(view, lens, tables, points_world[i])
         if not is_finite(p):
             count(counts_out, v, NOT_FINITE)
             return
-        if p[0] <= 0.0:
-            count(counts_out, v, BEHIND)
-            return
+        if wp.static(config.ahead_only):
+            if p[0] <= 0.0:
+                count(counts_out, v, BEHIND)
+                return
         if wp.static(config.range_view):
             if not in_range_view(p, view.steps, view.line_count):
                 count(counts_out, v, OUTSIDE)
                 return
-        pixel = project_pinhole(view, p)
+        pixel = pixel_of(project(lens, tables, p))
         if not in_image(view, pixel):
             count(counts_out, v, OUTSIDE)
             return
-        depth = depth_of(p)
+        depth = depth_of(lens, p)
         if depth > view.max_range:
             count(counts_out, v, TOO_FAR)
             return

@@ -1,4 +1,4 @@
-"""One view of a cloud: its pose, its lens and the geometry of single points.
+"""One view of a cloud: its pose, its size and the geometry of single points.
 
 Frames and equations are those of the paper: camera X forward, Y left, Z up. The order of every
 floating-point operation is part of the contract (the NumPy twins repeat it bit for bit).
@@ -11,16 +11,12 @@ import warp as wp
 
 # position and shift [m] are the two readings of P_C: `position` is subtracted before the rotation
 # (world frame), `shift` after it (the paper's own, rotated frame).
-# fx, fy, cx, cy [px]; pixel centres at integers. line_count rectangles (8)(9), steps (7) [m].
+# line_count rectangles (8)(9), steps (7) [m]. The lens is apart: its numbers depend on its model.
 @wp.struct
 class View:
     rotation: wp.mat33f
     position: wp.vec3f
     shift: wp.vec3f
-    fx: wp.float32
-    fy: wp.float32
-    cx: wp.float32
-    cy: wp.float32
     width: wp.int32
     height: wp.int32
     min_range: wp.float32
@@ -61,11 +57,9 @@ def in_range_view(p: Any, steps: Any, line_count: wp.int32):
 
 
 @wp.func
-def project_pinhole(view: View, p: wp.vec3f):
-    """Pixel of a camera-frame point ahead, as floats: floor(u + 0.5), floor(v + 0.5)."""
-    u = view.cx - view.fx * (p[1] / p[0])
-    v = view.cy - view.fy * (p[2] / p[0])
-    return wp.vec2f(wp.floor(u + 0.5), wp.floor(v + 0.5))
+def pixel_of(uv: wp.vec2f):
+    """The pixel that holds (u, v), as floats: floor(u + 0.5), floor(v + 0.5)."""
+    return wp.vec2f(wp.floor(uv[0] + 0.5), wp.floor(uv[1] + 0.5))
 
 
 @wp.func

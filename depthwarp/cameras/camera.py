@@ -1,0 +1,222 @@
+"""What every camera model has in common: a size, a pose, a projection and its inverse."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from depthwarp.cameras.pose import Pose
+from depthwarp.checks import check_choice
+from depthwarp.errors import InputError, LensDomainWarning
+
+__all__ = ["Camera", "DepthImage", "DepthKind", "DeviceLens"]
+
+DepthKind = Literal["range", "z"]
+"""`range`: distance along the ray, for most models the Euclidean distance from the camera's centre.
+`z`: distance along the optical axis."""
+
+Float64Array = npt.NDArray[np.float64]
+AnyCamera = TypeVar("AnyCamera", bound="Camera")
+
+DOMAIN_GRID = 65
+"""Pixels a side at which a lens's domain is compared with its image."""
+
+
+@runtime_checkable
+class DepthImage(Protocol):
+    """Anything with a depth and its kind, as `DepthMap`."""
+
+    @property
+    def depth(self) -> npt.NDArray[np.float32]:
+        """Depth [m], shape (H, W), 0 = empty."""
+
+    @property
+    def kind(self) -> DepthKind:
+        """Which depth it is."""
+
+
+class DeviceLens(NamedTuple):
+    """A lens as kernels take it.
+
+    Attributes:
+        model: A `depthwarp_kernels.lens.LensModel`.
+        numbers: Instance of the model's struct.
+        table: Further numbers, shape (M,), float32; empty for most models.
+    """
+
+    model: Any
+    numbers: Any
+    table: npt.NDArray[np.float32]
+
+
+class Camera(ABC):
+    """A camera model: where it stands, the size of its image, and which ray a pixel sees.
+
+    Models are frozen dataclasses with the fields `width`, `height` [px] and `pose`. Pixel centres
+    are at whole numbers: the image spans u from -0.5 to width - 0.5. The camera frame is the
+    paper's: X forward, Y left, Z up. A model has a domain: a point outside it has no pixel.
+    """
+
+    width: int
+    height: int
+    pose: Pose
+    depth_kinds: ClassVar[tuple[DepthKind, ...]] = ("range", "z")
+    """The kinds of depth that the model has."""
+
+    @abstractmethod
+    def image_of(self, points_camera: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """Columns u and rows v of points in the camera frame.
+
+        Args:
+            points_camera: Points [m], shape (..., 3), float64.
+
+        Returns:
+            u and v [px], each shape (...), float64, NaN outside the domain.
+        """
+
+    @abstractmethod
+    def directions(self, u: npt.ArrayLike, v: npt.ArrayLike) -> Float64Array:
+        """Unit vectors along the rays of pixels, in the camera frame.
+
+        Args:
+            u: Columns [px], shape (...).
+            v: Rows [px], shape (...).
+
+        Returns:
+            Shape (..., 3), float64, NaN where no ray of the domain meets the pixel.
+        """
+
+    @abstractmethod
+    def device_lens(self, first: int = 0) -> DeviceLens:
+        """The lens as kernels take it; its table will begin at number `first` of all tables."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Image size (width, height) [px]."""
+        return self.width, self.height
+
+    def with_pose(self: AnyCamera, pose: Pose) -> AnyCamera:
+        """The same lens at another place."""
+        return dataclasses.replace(self, pose=pose)  # type: ignore[type-var]
+
+    def to_camera(self, points_world: npt.NDArray[np.floating]) -> Float64Array:
+        """World points, shape (N, 3), in the camera frame, float64."""
+        return self.pose.to_camera(points_world)
+
+    def to_world(self, points_camera: Float64Array, u: Float64Array) -> Float64Array:
+        """Points of the camera frame, shape (..., 3), seen in columns u, in the world frame."""
+        return self.pose.to_world(points_camera)
+
+    def depth_of(self, points_camera: Float64Array, kind: DepthKind) -> Float64Array:
+        """Depth of points in the camera frame [m], shape (...)."""
+        if kind == "z":
+            return points_camera[..., 0]
+        distance: Float64Array = np.linalg.norm(points_camera, axis=-1)
+        return distance
+
+    def points_of(
+        self, u: Float64Array, v: Float64Array, depth: Float64Array, kind: DepthKind
+    ) -> Float64Array:
+        """Points of the camera frame that pixels see at a depth, shape (..., 3)."""
+        rays = self.directions(u, v)
+        way = depth / rays[..., 0] if kind == "z" else depth
+        return rays * way[..., None]
+
+    def project(
+        self, points_world: npt.NDArray[np.floating], depth: DepthKind = "range"
+    ) -> tuple[Float64Array, Float64Array, Float64Array, npt.NDArray[np.bool_]]:
+        """Project points in float64: the reference of the kernels.
+
+        Args:
+            points_world: Points [m], shape (N, 3).
+            depth: Which depth to return.
+
+        Returns:
+            Columns u [px], rows v [px] and depth [m], each (N,) float64, NaN where the point is
+            outside the lens's domain or not finite; and a mask (N,), true where the pixel
+            `(floor(u + 0.5), floor(v + 0.5))` lies in the image.
+
+        Raises:
+            InputError: A kind of depth that the model does not have.
+        """
+        self.check_kind(depth)
+        with np.errstate(all="ignore"):
+            points = self.to_camera(np.asarray(points_world))
+            points[~np.isfinite(points).all(axis=1)] = np.nan
+            if depth == "z":
+                points[points[:, 0] <= 0] = np.nan
+            u, v = self.image_of(points)
+            distance = np.where(np.isnan(u), np.nan, self.depth_of(points, depth))
+            column, row = np.floor(u + 0.5), np.floor(v + 0.5)
+            valid = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
+        return u, v, distance, valid
+
+    def unproject(
+        self, depth: npt.ArrayLike | DepthImage, kind: DepthKind = "range"
+    ) -> Float64Array:
+        """The world points that an image of depths shows: the inverse of `project`.
+
+        Args:
+            depth: Depth [m], shape (height, width), 0 or not finite where empty; or a `DepthMap`,
+                which knows its kind.
+            kind: Which depth an array holds.
+
+        Returns:
+            Points on the rays through the pixels' centres [m], shape (height, width, 3), float64;
+            NaN where the image is empty or no ray meets the pixel.
+
+        Raises:
+            InputError: Another shape than the camera's, or a kind that the model does not have.
+        """
+        image: Any = depth
+        if isinstance(image, DepthImage):
+            image, kind = image.depth, image.kind
+        self.check_kind(kind)
+        metres = np.asarray(image, dtype=np.float64)
+        if metres.shape != (self.height, self.width):
+            raise InputError(
+                f"depth must have the camera's shape (height, width) = {self.height, self.width}, "
+                f"got {metres.shape}"
+            )
+        v, u = np.indices(metres.shape, dtype=np.float64)
+        with np.errstate(all="ignore"):
+            metres = np.where(np.isfinite(metres) & (metres > 0), metres, np.nan)
+            return self.to_world(self.points_of(u, v, metres, kind), u)
+
+    def check_kind(self, kind: DepthKind) -> None:
+        """Refuse a kind of depth that the model does not have.
+
+        Raises:
+            InputError: The kind is unknown, or the model has no optical axis to measure along.
+        """
+        check_choice("depth", kind, ("range", "z"))
+        if kind not in self.depth_kinds:
+            raise InputError(
+                f"depth='z' is measured along an optical axis, which a {type(self).__name__} does "
+                "not have: use depth='range'"
+            )
+
+    def lost_share(self) -> float:
+        """Share of the image's pixels that no ray of the lens's domain meets, on a grid."""
+        columns = np.linspace(0, self.width - 1, min(DOMAIN_GRID, self.width))
+        rows = np.linspace(0, self.height - 1, min(DOMAIN_GRID, self.height))
+        u, v = np.meshgrid(columns, rows)
+        return float(np.isnan(self.directions(u, v)[..., 0]).mean())
+
+    def warn_of_lost_pixels(self) -> None:
+        """Warn where the domain is smaller than the image: some pixels will never be drawn."""
+        share = self.lost_share()
+        if share > 0:
+            warnings.warn(
+                f"{type(self).__name__}: no ray reaches {share:.1%} of the {self.width} x "
+                f"{self.height} image, since the lens model folds back there; those pixels stay "
+                "empty. Check the coefficients and their order, or calibrate with views up to the "
+                "corners",
+                LensDomainWarning,
+                stacklevel=4,
+            )

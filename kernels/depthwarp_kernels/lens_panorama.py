@@ -1,0 +1,51 @@
+"""Panoramas: columns are azimuths about the camera's Z axis."""
+
+import warp as wp
+
+from depthwarp_kernels.angles import angle_of
+from depthwarp_kernels.lens import LensModel
+
+
+# fx: pixels a radian of azimuth. fy: pixels a radian of elevation, or a unit of its tangent.
+# cx, cy: pixel of azimuth and elevation 0. period: columns of a full turn, 0 for less than that.
+# least_v, most_v: a pole, where the image ends in one, belongs to the row at its border.
+@wp.struct
+class PanoramaLens:
+    fx: wp.float32
+    fy: wp.float32
+    cx: wp.float32
+    cy: wp.float32
+    period: wp.float32
+    least_v: wp.float32
+    most_v: wp.float32
+
+
+@wp.func
+def azimuth_column(lens: PanoramaLens, p: wp.vec3f):
+    """Column of an azimuth; behind, a full turn goes on at its other end."""
+    u = lens.cx - lens.fx * angle_of(p[1], p[0])
+    if lens.period > 0.0:
+        if u < -0.5:
+            u += lens.period
+        if u >= lens.period - 0.5:
+            u -= lens.period
+    return u
+
+
+@wp.func
+def project_equirectangular(lens: PanoramaLens, tables: wp.array[wp.float32], p: wp.vec3f):
+    """Column and row of a camera-frame point: azimuth and elevation."""
+    level = wp.sqrt(p[0] * p[0] + p[1] * p[1])
+    v = wp.clamp(lens.cy - lens.fy * angle_of(p[2], level), lens.least_v, lens.most_v)
+    return wp.vec2f(azimuth_column(lens, p), v)
+
+
+@wp.func
+def project_cylindrical(lens: PanoramaLens, tables: wp.array[wp.float32], p: wp.vec3f):
+    """Column and row of a camera-frame point: azimuth, and height on a cylinder of radius 1."""
+    level = wp.sqrt(p[0] * p[0] + p[1] * p[1])
+    return wp.vec2f(azimuth_column(lens, p), lens.cy - lens.fy * (p[2] / level))
+
+
+EQUIRECTANGULAR = LensModel(PanoramaLens, project_equirectangular, ahead_only=False)
+CYLINDRICAL = LensModel(PanoramaLens, project_cylindrical, ahead_only=False)

@@ -1,0 +1,118 @@
+"""A spinning LiDAR of many beams: rows are beams, columns the moments of one turn.
+
+Seen from above it turns clockwise. `tables` holds, from `first` on: rows + 1 limits between the
+beams (tangents of elevations, descending), their rows, their azimuth offsets [columns]; and, for a
+sensor that moves, 12 numbers a column: rotation (row-major) and position.
+"""
+
+import warp as wp
+
+from depthwarp_kernels.angles import angle_of
+from depthwarp_kernels.lens import NO_PIXEL, LensModel
+from depthwarp_kernels.view import View, to_camera
+
+POSE_NUMBERS = 12
+MOVING_STEPS = 4  # each divides the error by about (a turn's own path) / (distance of the point)
+
+
+# fx: columns a radian. cx: column of azimuth 0 without offset. period: columns of a turn.
+# origin_offset: distance of the beams' origins from the axis [m].
+@wp.struct
+class SpinningLens:
+    fx: wp.float32
+    cx: wp.float32
+    period: wp.float32
+    rows: wp.int32
+    origin_offset: wp.float32
+    first: wp.int32
+
+
+@wp.func
+def beam_of(lens: SpinningLens, tables: wp.array[wp.float32], slope: wp.float32):
+    """Place of the beam nearest to a tangent of elevation, counted from above; -1 for none."""
+    if not (slope <= tables[lens.first] and slope >= tables[lens.first + lens.rows]):
+        return wp.int32(-1)
+    above = int(0)
+    below = int(lens.rows)
+    while below - above > 1:
+        middle = (above + below) / 2
+        if slope > tables[lens.first + middle]:
+            below = middle
+        else:
+            above = middle
+    return above
+
+
+# A beam starts `origin_offset` from the axis, in the direction of the turn, and leaves it turned by
+# its own azimuth offset: to the first order in that, the elevation is that of (level - offset, z).
+@wp.func
+def project_spinning(lens: SpinningLens, tables: wp.array[wp.float32], p: wp.vec3f):
+    """Column and row of a point in the frame of the sensor, NO_PIXEL above or below all beams."""
+    level = wp.sqrt(p[0] * p[0] + p[1] * p[1])
+    way = level - lens.origin_offset
+    if not (way > 0.0):
+        return NO_PIXEL
+    beam = beam_of(lens, tables, p[2] / way)
+    if beam < 0:
+        return NO_PIXEL
+    offset = tables[lens.first + 2 * lens.rows + 1 + beam]
+    seen_from_axis = offset - offset * (lens.origin_offset / level)
+    u = lens.cx - (lens.fx * angle_of(p[1], p[0]) - seen_from_axis)
+    if u < -0.5:
+        u += lens.period
+    if u >= lens.period - 0.5:
+        u -= lens.period
+    return wp.vec2f(u, tables[lens.first + lens.rows + 1 + beam])
+
+
+@wp.func
+def range_spinning(lens: SpinningLens, p: wp.vec3f):
+    """What the sensor reports: the way along the beam, and that of its origin from the axis."""
+    way = wp.sqrt(p[0] * p[0] + p[1] * p[1]) - lens.origin_offset
+    return wp.sqrt(way * way + p[2] * p[2]) + lens.origin_offset
+
+
+SPINNING = LensModel(SpinningLens, project_spinning, ahead_only=False, range_of=range_spinning)
+
+
+@wp.func
+def between(tables: wp.array[wp.float32], k: wp.int32, part: wp.float32):
+    """Number `k` of a pose, a part of the way to that of the next column."""
+    here = tables[k]
+    return here + part * (tables[k + POSE_NUMBERS] - here)
+
+
+@wp.func
+def place_at(lens: SpinningLens, tables: wp.array[wp.float32], moment: wp.float32, point: wp.vec3f):
+    """A world point in the frame that the sensor has at a moment, counted in columns."""
+    column = wp.min(wp.int32(moment), wp.int32(lens.period) - 2)
+    part = moment - wp.float32(column)
+    k = lens.first + 3 * lens.rows + 1 + POSE_NUMBERS * column
+    position = wp.vec3f(
+        between(tables, k + 9, part), between(tables, k + 10, part), between(tables, k + 11, part)
+    )
+    # Neighbours differ by the turn of one column: blended linearly they stay rotations.
+    rotation = wp.mat33f(
+        between(tables, k, part), between(tables, k + 1, part), between(tables, k + 2, part),
+        between(tables, k + 3, part), between(tables, k + 4, part), between(tables, k + 5, part),
+        between(tables, k + 6, part), between(tables, k + 7, part), between(tables, k + 8, part),
+    )  # fmt: skip
+    return to_camera(point, rotation, position, wp.vec3f(0.0, 0.0, 0.0))
+
+
+# The column decides the pose and the pose the column: a few steps from the middle of the turn.
+@wp.func
+def place_moving(view: View, lens: SpinningLens, tables: wp.array[wp.float32], point: wp.vec3f):
+    """A world point in the frame that the sensor has when it meets it."""
+    last = lens.period - 1.0
+    p = place_at(lens, tables, 0.5 * last, point)
+    for _n in range(MOVING_STEPS):
+        u = project_spinning(lens, tables, p)[0]
+        if u >= -0.5:
+            p = place_at(lens, tables, wp.clamp(u, 0.0, last), point)
+    return p
+
+
+MOVING = LensModel(
+    SpinningLens, project_spinning, ahead_only=False, range_of=range_spinning, place=place_moving
+)
