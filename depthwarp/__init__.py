@@ -24,14 +24,16 @@ if TYPE_CHECKING:
     )
     from depthwarp.cloud import PointCloud
     from depthwarp.depth_map import DepthMap, RenderStats, State
+    from depthwarp.depth_maps import DepthMaps
     from depthwarp.io import read
     from depthwarp.range_view import RangeView
-    from depthwarp.rendering import render
+    from depthwarp.rendering import render, render_batch
 
 __all__ = [
     "Camera",
     "CylindricalCamera",
     "DepthMap",
+    "DepthMaps",
     "DoubleSphereCamera",
     "EquirectangularCamera",
     "FisheyeCamera",
@@ -49,6 +51,7 @@ __all__ = [
     "io",
     "read",
     "render",
+    "render_batch",
 ]
 
 __version__ = "0.1.0"
@@ -58,6 +61,7 @@ _MODULE_OF_NAME = {
     "Camera": "depthwarp.cameras",
     "CylindricalCamera": "depthwarp.cameras",
     "DepthMap": "depthwarp.depth_map",
+    "DepthMaps": "depthwarp.depth_maps",
     "DoubleSphereCamera": "depthwarp.cameras",
     "EquirectangularCamera": "depthwarp.cameras",
     "FisheyeCamera": "depthwarp.cameras",
@@ -71,6 +75,7 @@ _MODULE_OF_NAME = {
     "State": "depthwarp.depth_map",
     "read": "depthwarp.io",
     "render": "depthwarp.rendering",
+    "render_batch": "depthwarp.rendering",
 }
 _SUBMODULES = frozenset({"cameras", "errors", "filters", "io"})
 

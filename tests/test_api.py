@@ -26,6 +26,7 @@ PUBLIC = [
     "Camera",
     "CylindricalCamera",
     "DepthMap",
+    "DepthMaps",
     "DoubleSphereCamera",
     "EquirectangularCamera",
     "FisheyeCamera",
@@ -43,6 +44,7 @@ PUBLIC = [
     "io",
     "read",
     "render",
+    "render_batch",
 ]
 HEAVY = ["warp", "cv2", "matplotlib", "serial", "typer", "rich", "open3d"]
 

@@ -1,8 +1,9 @@
 """Rendering: clouds into depth maps."""
 
+from depthwarp.rendering.batch import render_batch
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.plan import RenderPlan
 from depthwarp.rendering.single import render
 from depthwarp.rendering.views import ViewPlan
 
-__all__ = ["RenderConfig", "RenderPlan", "ViewPlan", "render"]
+__all__ = ["RenderConfig", "RenderPlan", "ViewPlan", "render", "render_batch"]

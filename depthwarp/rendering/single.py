@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from depthwarp import arrays
 from depthwarp.cameras import Camera, DepthKind
 from depthwarp.cloud import PointCloud
 from depthwarp.depth_map import DepthMap
-from depthwarp.devices import check_memory, resolve_device
-from depthwarp.errors import InputError
+from depthwarp.devices import resolve_device
 from depthwarp.filters import Filter, check_filters
 from depthwarp.range_view import RangeView
 from depthwarp.rendering.config import RenderConfig
+from depthwarp.rendering.inputs import device_points, view_plan
 from depthwarp.rendering.plan import RenderPlan
-from depthwarp.rendering.views import ViewPlan
 
 __all__ = ["render"]
 
@@ -60,27 +58,9 @@ def render(
         >>> float(dw.render(cloud, camera, device="cpu").depth[1, 1])
         2.0
     """
-    if not isinstance(cloud, PointCloud):
-        raise InputError(
-            f"cloud must be a PointCloud, got {type(cloud).__name__}: dw.PointCloud(points)"
-        )
     config = RenderConfig(depth, min_range, max_range, check_filters(filters))
     target = resolve_device(device)
-    if target.is_cuda:
-        check_memory(
-            f"a cloud of {len(cloud)} points", 12 * len(cloud), target, "render it in parts"
-        )
-    points = arrays.share_points(cloud.points_world, target)
-    if isinstance(camera, RangeView):
-        line_count = camera.line_count(cloud, device=device)
-        view = ViewPlan(camera.camera_of_plane(line_count), line_count, camera.steps)
-    elif isinstance(camera, Camera):
-        view = ViewPlan(camera)
-    else:
-        raise InputError(
-            "camera must be a camera, e.g. a PinholeCamera or a RangeView, got "
-            f"{type(camera).__name__}"
-        )
-    plan = RenderPlan([view], config, target)
+    points = device_points(cloud, target)
+    plan = RenderPlan([view_plan(camera, cloud, device)], config, target)
     plan.render(points)
     return plan.depth_maps()[0]
