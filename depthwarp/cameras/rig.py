@@ -63,8 +63,8 @@ class Rig(Mapping[str, Camera]):
             if not isinstance(camera, Camera):
                 raise InputError(f"a rig holds cameras, '{name}' is a {type(camera).__name__}")
         if len(self._by_name) < len(self.names):
-            (name, count), *_ = Counter(self.names).most_common(1)
-            raise InputError(f"names in a rig must all be different, '{name}' stands {count} times")
+            name = Counter(self.names).most_common(1)[0][0]
+            raise InputError(f"names in a rig must all be different, '{name}' stands twice")
 
     @cached_property
     def _by_name(self) -> dict[str, Camera]:
