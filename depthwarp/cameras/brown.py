@@ -27,10 +27,11 @@ LENGTHS = (4, 5, 8, 12, 14)
 WIDEST = np.tan(np.radians(89.9))
 """Greatest distance from the axis on the plane that is looked at: rays beyond are not ahead."""
 
-DIRECTIONS = 256
-"""Directions in which the edge of the domain is searched."""
+RADII, DIRECTIONS, FINE_DIRECTIONS = 512, 64, 1024
+"""Radii and directions in which the edge of the domain is looked for, then made precise."""
 
-NEWTON_STEPS = 12
+NEWTON_STEPS = 40
+"""Most rays need 4; the rest lie beside the edge of the domain, or beyond it."""
 
 
 @dataclass(frozen=True)
@@ -114,16 +115,16 @@ class BrownDistortion:
         """Radius of the domain on the plane: within it the lens folds nowhere; infinite if ever.
 
         The radial part has to grow, its denominator to stay above 0, and the determinant of the
-        whole Jacobian too; where that fails first, in any direction, is the edge.
+        whole Jacobian too; where that fails first, in any direction, is the edge. With more than a
+        radial part, nothing beyond 89.9 degrees is in the domain.
         """
         above, below = self._radial_polynomials()
         square = np.polynomial.Polynomial([0, 1])
         growth = above * below + 2 * square * (above.deriv() * below - above * below.deriv())
         edge = np.sqrt(min(first_positive_root(growth), first_positive_root(below)))
-        limit = min(float(edge), WIDEST)
         if self.p1 or self.p2 or self.s1 or self.s2 or self.s3 or self.s4:
-            limit = self._first_fold(limit)
-        return limit if limit < WIDEST else float("inf")
+            return self._first_fold(min(float(edge), float(WIDEST)))
+        return float(edge)
 
     def apply(self, a: Float64Array, b: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Distorted coordinates of ideal ones, shape (...); NaN outside the domain."""
@@ -145,17 +146,52 @@ class BrownDistortion:
             (t[0, 0] * x + t[0, 1] * y + t[0, 2]) / scale,
             (t[1, 0] * x + t[1, 1] * y + t[1, 2]) / scale,
         )
+        shape = np.shape(x)
+        x, y = np.ravel(x), np.ravel(y)
         a, b = self._start(x, y)
+        close = np.zeros(x.shape, dtype=bool)
+        reduction = np.ones(x.shape)
         for _ in range(NEWTON_STEPS):
-            fx, fy = self._bend(a, b)
-            (xa, xb), (ya, yb) = self._jacobian(a, b)
-            determinant = xa * yb - xb * ya
-            a = a - (yb * (fx - x) - xb * (fy - y)) / determinant
-            b = b - (xa * (fy - y) - ya * (fx - x)) / determinant
-        fx, fy = self._bend(a, b)
-        close = np.hypot(fx - x, fy - y) <= 1e-10 * (1 + np.hypot(x, y))
+            k = np.flatnonzero(~close)
+            a[k], b[k], close[k], reduction[k] = self._newton_step(
+                x[k], y[k], a[k], b[k], reduction[k]
+            )
         inside = a * a + b * b <= self.max_radius**2 * (1 + 1e-12)
-        return np.where(close & inside, a, np.nan), np.where(close & inside, b, np.nan)
+        a, b = np.where(close & inside, a, np.nan), np.where(close & inside, b, np.nan)
+        return a.reshape(shape), b.reshape(shape)
+
+    def _newton_step(
+        self,
+        x: Float64Array,
+        y: Float64Array,
+        a: Float64Array,
+        b: Float64Array,
+        reduction: Float64Array,
+    ) -> tuple[Float64Array, Float64Array, npt.NDArray[np.bool_], Float64Array]:
+        """Ideal coordinates after one step, whether they are close enough, and how much of a step.
+
+        A step that leads away, over the edge of the domain or across a pole, is not made; the next
+        one is shorter.
+        """
+        fx, fy = self._bend(a, b)
+        error = np.hypot(fx - x, fy - y)
+        (xa, xb), (ya, yb) = self._jacobian(a, b)
+        part = reduction / (xa * yb - xb * ya)
+        new_a = a - part * (yb * (fx - x) - xb * (fy - y))
+        new_b = b - part * (xa * (fy - y) - ya * (fx - x))
+        fx, fy = self._bend(new_a, new_b)
+        new_error = np.hypot(fx - x, fy - y)
+        within = new_a * new_a + new_b * new_b <= self.max_radius**2
+        better = (new_error < error) & within
+        close = np.minimum(error, np.where(better, new_error, np.inf)) <= 1e-10 * (
+            1 + np.hypot(x, y)
+        )
+        return (
+            np.where(better, new_a, a),
+            np.where(better, new_b, b),
+            close,
+            np.where(better, np.minimum(1.0, 2 * reduction), 0.25 * reduction),
+        )
 
     def _radial_polynomials(self) -> tuple[np.polynomial.Polynomial, np.polynomial.Polynomial]:
         """Numerator and denominator of the radial part, in r^2."""
@@ -202,36 +238,38 @@ class BrownDistortion:
 
     def _first_fold(self, limit: float) -> float:
         """Radius up to which the Jacobian's determinant is above 0 in all directions."""
-        angles = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
-        radii = np.tan(np.linspace(0, np.arctan(limit), 2048))
 
-        def determinant(r: Float64Array) -> Float64Array:
-            (xa, xb), (ya, yb) = self._jacobian(
-                r[:, None] * np.cos(angles), r[:, None] * np.sin(angles)
-            )
-            lowest: Float64Array = (xa * yb - xb * ya).min(axis=1)
+        def lowest_determinant(r: Float64Array, directions: int) -> Float64Array:
+            angles = np.arange(directions) * (2 * np.pi / directions)
+            with np.errstate(all="ignore"):  # the edge may be a pole
+                (xa, xb), (ya, yb) = self._jacobian(
+                    r[:, None] * np.cos(angles), r[:, None] * np.sin(angles)
+                )
+                lowest: Float64Array = (xa * yb - xb * ya).min(axis=1)
             return lowest
 
-        folded = np.flatnonzero(determinant(radii) <= 0)
+        radii = np.tan(np.linspace(0, np.arctan(limit), RADII))
+        folded = np.flatnonzero(~(lowest_determinant(radii, DIRECTIONS) > 0))
         if folded.size == 0:
             return limit
-        good, bad = radii[max(folded[0] - 1, 0)], radii[folded[0]]
+        # Between two of those directions the lens may fold a little earlier.
+        good, bad = radii[max(folded[0] - 3, 0)], radii[folded[0]]
         for _ in range(40):
             middle = 0.5 * (good + bad)
-            if determinant(np.array([middle]))[0] > 0:
+            if lowest_determinant(np.array([middle]), FINE_DIRECTIONS)[0] > 0:
                 good = middle
             else:
                 bad = middle
         return float(good)
 
     def _start(self, x: Float64Array, y: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """Ideal coordinates as if only the radial part bent them."""
+        """Ideal coordinates as if only the radial part bent them; not on the edge: flat there."""
         above, below = self._radial_polynomials()
         bent = np.hypot(x, y)
         angle = invert_increasing(
             lambda theta: np.tan(theta) * above(np.tan(theta) ** 2) / below(np.tan(theta) ** 2),
             bent,
-            float(np.arctan(min(self.max_radius, WIDEST))),
+            float(np.arctan(min(0.99 * self.max_radius, WIDEST))),
         )
         with np.errstate(invalid="ignore"):
             stretch = np.where(bent > 0, np.tan(angle) / np.where(bent > 0, bent, 1.0), 1.0)

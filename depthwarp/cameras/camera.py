@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+import copy
 import warnings
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
@@ -102,7 +102,9 @@ class Camera(ABC):
 
     def with_pose(self: AnyCamera, pose: Pose) -> AnyCamera:
         """The same lens at another place."""
-        return dataclasses.replace(self, pose=pose)  # type: ignore[type-var]
+        camera = copy.copy(self)  # not made anew: nothing of the lens is checked or computed again
+        object.__setattr__(camera, "pose", pose)
+        return camera
 
     def to_camera(self, points_world: npt.NDArray[np.floating]) -> Float64Array:
         """World points, shape (N, 3), in the camera frame, float64."""
@@ -138,8 +140,8 @@ class Camera(ABC):
 
         Returns:
             Columns u [px], rows v [px] and depth [m], each (N,) float64, NaN where the point is
-            outside the lens's domain or not finite; and a mask (N,), true where the pixel
-            `(floor(u + 0.5), floor(v + 0.5))` lies in the image.
+            outside the lens's domain, at the camera's centre or not finite; and a mask (N,), true
+            where the pixel `(floor(u + 0.5), floor(v + 0.5))` lies in the image.
 
         Raises:
             InputError: A kind of depth that the model does not have.
@@ -148,6 +150,7 @@ class Camera(ABC):
         with np.errstate(all="ignore"):
             points = self.to_camera(np.asarray(points_world))
             points[~np.isfinite(points).all(axis=1)] = np.nan
+            points[(points == 0).all(axis=1)] = np.nan  # at the centre: in no direction
             if depth == "z":
                 points[points[:, 0] <= 0] = np.nan
             u, v = self.image_of(points)

@@ -66,10 +66,17 @@ class DoubleSphereCamera(Camera):
 
     @property
     def least_cosine(self) -> float:
-        """Cosine of the greatest angle from the axis that is drawn."""
+        """Cosine of the greatest angle from the axis that is drawn.
+
+        The edge is a ray from the second sphere's centre: below an alpha of 1/2 the one that the
+        pinhole sees at infinity, above it the one that is drawn farthest out. The paper's (44) is
+        an approximation: for a negative xi and a small alpha it lets in points that fold back.
+        """
         alpha, xi = self.alpha, self.xi
-        w1 = alpha / (1 - alpha) if alpha <= 0.5 else (1 - alpha) / alpha
-        return -(w1 + xi) / math.sqrt(2 * w1 * xi + xi * xi + 1)
+        cosine = -alpha / (1 - alpha) if alpha <= 0.5 else -(1 - alpha) / alpha
+        # Where that ray meets the unit sphere about the first centre, xi behind the second.
+        way = xi * cosine + math.sqrt(1 - xi * xi * (1 - cosine * cosine))
+        return way * cosine - xi
 
     def image_of(self, points_camera: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Columns u and rows v of points in the camera frame; see `Camera.image_of`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from depthwarp.cameras.camera import Camera, DepthKind, DeviceLens
 from depthwarp.cameras.motion import poses_between
-from depthwarp.cameras.pose import Pose
+from depthwarp.cameras.pose import OPTICAL_FROM_CAMERA, Pose
 from depthwarp.checks import check_finite_vector, check_size
 from depthwarp.errors import InputError
 
@@ -94,6 +95,18 @@ class SpinningLidar(Camera):
                 f"origin_offset must be a finite number from 0 metres, got {self.origin_offset}"
             )
 
+    def with_pose(self, pose: Pose) -> SpinningLidar:
+        """The same sensor at another place; if it moves, it moves in the same way from there."""
+        if self.pose_end is None:
+            return dataclasses.replace(self, pose=pose)
+        start, end = self.pose, self.pose_end
+        turn = end.rotation @ np.linalg.inv(start.rotation)
+        way = start.rotation @ (end.center_world - start.center_world)
+        moved = np.eye(4)
+        moved[:3, :3] = OPTICAL_FROM_CAMERA @ turn @ pose.rotation
+        moved[:3, 3] = -moved[:3, :3] @ (pose.center_world + pose.rotation.T @ way)
+        return dataclasses.replace(self, pose=pose, pose_end=Pose.from_optical(moved))
+
     @property
     def height(self) -> int:  # type: ignore[override]
         """Rows: one a beam."""
@@ -107,7 +120,9 @@ class SpinningLidar(Camera):
     @property
     def cx(self) -> float:
         """Column of azimuth 0 of a beam without offset [px]."""
-        return (self.width - 1) / 2 if self.azimuth_zero is None else float(self.azimuth_zero)
+        if self.azimuth_zero is None:
+            return (self.width - 1) / 2
+        return float(self.azimuth_zero) % self.width
 
     @cached_property
     def offsets(self) -> Float64Array:
@@ -141,7 +156,7 @@ class SpinningLidar(Camera):
         points = points_world.astype(np.float64)
         placed = self._placed(points, np.full(len(points), 0.5 * (self.width - 1)))
         for _ in range(MOVING_STEPS):
-            u, _ = self.image_of(placed)
+            u, _, _ = self._nearest(placed)
             met = np.isfinite(u)
             placed[met] = self._placed(points[met], np.clip(u[met], 0, self.width - 1))
         return placed
@@ -157,18 +172,8 @@ class SpinningLidar(Camera):
 
     def image_of(self, points_camera: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Columns u and rows v of points in the sensor's frame; see `Camera.image_of`."""
-        x, y, z = np.moveaxis(points_camera, -1, 0)
-        level = np.hypot(x, y)
-        way = np.where(level > self.origin_offset, level - self.origin_offset, np.nan)
-        slope = z / way
-        below = np.searchsorted(-self.limits, -slope, side="left")
+        u, row, slope = self._nearest(points_camera)
         seen = (slope <= self.limits[0]) & (slope >= self.limits[-1])
-        row = self.order[np.clip(below - 1, 0, self.height - 1)]
-        offset = self.offsets[row]
-        offset = offset - offset * (self.origin_offset / level)
-        u = self.cx - (self.fx * np.arctan2(y, x) - offset)
-        u = np.where(u < -0.5, u + self.width, u)
-        u = np.where(u >= self.width - 0.5, u - self.width, u)
         return np.where(seen, u, np.nan), np.where(seen, row, np.nan)
 
     def directions(self, u: npt.ArrayLike, v: npt.ArrayLike) -> Float64Array:
@@ -223,6 +228,23 @@ class SpinningLidar(Camera):
         rotations, centers = self.column_poses
         poses = np.concatenate([rotations.reshape(-1, 9), centers], axis=1)
         return DeviceLens(lens_spinning.MOVING, numbers, _table([*parts, poses.ravel()]))
+
+    def _nearest(
+        self, points_camera: Float64Array
+    ) -> tuple[Float64Array, npt.NDArray[np.int64], Float64Array]:
+        """Column and row of the beam nearest to each point, and the tangent of its elevation."""
+        x, y, z = np.moveaxis(points_camera, -1, 0)
+        level = np.hypot(x, y)
+        way = np.where(level > self.origin_offset, level - self.origin_offset, np.nan)
+        slope = z / way
+        below = np.searchsorted(-self.limits, -slope, side="right")
+        row = self.order[np.clip(below - 1, 0, self.height - 1)]
+        offset = self.offsets[row]
+        offset = offset - offset * (self.origin_offset / level)
+        u = self.cx - (self.fx * np.arctan2(y, x) - offset)
+        u = np.where(u < -0.5, u + self.width, u)
+        u = np.where(u >= self.width - 0.5, u - self.width, u)
+        return np.where(np.isnan(slope), np.nan, u), row, slope
 
     def _placed(self, points_world: Float64Array, moments: Float64Array) -> Float64Array:
         """Each point in the frame of its own moment, counted in columns."""

@@ -27,7 +27,7 @@ def azimuth_column(lens: PanoramaLens, p: wp.vec3f):
     if lens.period > 0.0:
         if u < -0.5:
             u += lens.period
-        if u >= lens.period - 0.5:
+        if u + 0.5 >= lens.period:
             u -= lens.period
     return u
 

@@ -28,10 +28,8 @@ class SpinningLens:
 
 
 @wp.func
-def beam_of(lens: SpinningLens, tables: wp.array[wp.float32], slope: wp.float32):
-    """Place of the beam nearest to a tangent of elevation, counted from above; -1 for none."""
-    if not (slope <= tables[lens.first] and slope >= tables[lens.first + lens.rows]):
-        return wp.int32(-1)
+def nearest_beam(lens: SpinningLens, tables: wp.array[wp.float32], slope: wp.float32):
+    """Place of the beam nearest to a tangent of elevation, counted from above."""
     above = int(0)
     below = int(lens.rows)
     while below - above > 1:
@@ -46,23 +44,37 @@ def beam_of(lens: SpinningLens, tables: wp.array[wp.float32], slope: wp.float32)
 # A beam starts `origin_offset` from the axis, in the direction of the turn, and leaves it turned by
 # its own azimuth offset: to the first order in that, the elevation is that of (level - offset, z).
 @wp.func
+def column_of(
+    lens: SpinningLens,
+    tables: wp.array[wp.float32],
+    p: wp.vec3f,
+    level: wp.float32,
+    beam: wp.int32,
+):
+    """Column in which a beam meets a point at the distance `level` from the axis."""
+    offset = tables[lens.first + 2 * lens.rows + 1 + beam]
+    seen_from_axis = offset - offset * (lens.origin_offset / level)
+    u = lens.cx - (lens.fx * angle_of(p[1], p[0]) - seen_from_axis)
+    if u < -0.5:
+        u += lens.period
+    if u + 0.5 >= lens.period:
+        u -= lens.period
+    return u
+
+
+@wp.func
 def project_spinning(lens: SpinningLens, tables: wp.array[wp.float32], p: wp.vec3f):
     """Column and row of a point in the frame of the sensor, NO_PIXEL above or below all beams."""
     level = wp.sqrt(p[0] * p[0] + p[1] * p[1])
     way = level - lens.origin_offset
     if not (way > 0.0):
         return NO_PIXEL
-    beam = beam_of(lens, tables, p[2] / way)
-    if beam < 0:
+    slope = p[2] / way
+    if not (slope <= tables[lens.first] and slope >= tables[lens.first + lens.rows]):
         return NO_PIXEL
-    offset = tables[lens.first + 2 * lens.rows + 1 + beam]
-    seen_from_axis = offset - offset * (lens.origin_offset / level)
-    u = lens.cx - (lens.fx * angle_of(p[1], p[0]) - seen_from_axis)
-    if u < -0.5:
-        u += lens.period
-    if u >= lens.period - 0.5:
-        u -= lens.period
-    return wp.vec2f(u, tables[lens.first + lens.rows + 1 + beam])
+    beam = nearest_beam(lens, tables, slope)
+    row = tables[lens.first + lens.rows + 1 + beam]
+    return wp.vec2f(column_of(lens, tables, p, level, beam), row)
 
 
 @wp.func
@@ -100,16 +112,20 @@ def place_at(lens: SpinningLens, tables: wp.array[wp.float32], moment: wp.float3
     return to_camera(point, rotation, position, wp.vec3f(0.0, 0.0, 0.0))
 
 
-# The column decides the pose and the pose the column: a few steps from the middle of the turn.
+# The column decides the pose and the pose the column: a few steps from the middle of the turn. A
+# point that no beam reaches from there still has a column, in which one may.
 @wp.func
 def place_moving(view: View, lens: SpinningLens, tables: wp.array[wp.float32], point: wp.vec3f):
     """A world point in the frame that the sensor has when it meets it."""
     last = lens.period - 1.0
     p = place_at(lens, tables, 0.5 * last, point)
     for _n in range(MOVING_STEPS):
-        u = project_spinning(lens, tables, p)[0]
-        if u >= -0.5:
-            p = place_at(lens, tables, wp.clamp(u, 0.0, last), point)
+        level = wp.sqrt(p[0] * p[0] + p[1] * p[1])
+        way = level - lens.origin_offset
+        if way > 0.0:
+            u = column_of(lens, tables, p, level, nearest_beam(lens, tables, p[2] / way))
+            if u >= -0.5:  # false for a point that is not finite
+                p = place_at(lens, tables, wp.clamp(u, 0.0, last), point)
     return p
 
 

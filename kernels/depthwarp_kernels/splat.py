@@ -98,6 +98,11 @@ def splat_kernel(config: SplatConfig):
             if p[0] <= 0.0:
                 count(counts_out, v, BEHIND)
                 return
+        else:
+            # A point at the centre has no direction, so no pixel either.
+            if p[0] == 0.0 and p[1] == 0.0 and p[2] == 0.0:
+                count(counts_out, v, TOO_NEAR)
+                return
         if wp.static(config.range_view):
             if not in_range_view(p, view.steps, view.line_count):
                 count(counts_out, v, OUTSIDE)
