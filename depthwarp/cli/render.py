@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -12,13 +15,18 @@ import typer
 from depthwarp.cli.guard import run_command
 from depthwarp.cli.options import CloudArgument, DeviceOption, JsonOption, OffsetOption
 from depthwarp.cli.report import Reporter, quiet_warp
-from depthwarp.errors import InputError
+from depthwarp.cli.view_options import (
+    FrameChoice,
+    PoseOptions,
+    RangeOptions,
+    described_view,
+    view_of_file,
+)
+from depthwarp.errors import InputError, LensDomainWarning
 
 if TYPE_CHECKING:
-    from depthwarp.cameras import PinholeCamera, PositionFrame
     from depthwarp.depth_map import DepthMap
     from depthwarp.encodings import EncodingName
-    from depthwarp.range_view import RangeView
 
 __all__ = ["render"]
 
@@ -45,13 +53,6 @@ class EncodingChoice(StrEnum):
     kitti = "kitti"
 
 
-class FrameChoice(StrEnum):
-    """Readings of the position by name."""
-
-    world = "world"
-    rotated = "rotated"
-
-
 def render(
     cloud: CloudArgument,
     output: Annotated[
@@ -71,7 +72,10 @@ def render(
     ] = None,
     size: Annotated[
         tuple[int, int] | None,
-        typer.Option(metavar="W H", help="Image size [px]: a camera with the field of view."),
+        typer.Option(
+            metavar="W H",
+            help="Image size [px]: a camera with the field of view, or of a file without one.",
+        ),
     ] = None,
     q_depth_map: Annotated[
         float | None,
@@ -91,7 +95,13 @@ def render(
     ] = None,
     camera: Annotated[
         Path | None,
-        typer.Option(help="Take pose and lens of a depth map's .json or .npz instead."),
+        typer.Option(
+            help="Take lens and pose from a camera file (OpenCV, ROS, COLMAP, Open3D, KITTI, "
+            "nerfstudio) or a depth map's; --position and --orientation put it elsewhere."
+        ),
+    ] = None,
+    camera_name: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Which camera of a file with several.")
     ] = None,
     depth: Annotated[
         DepthChoice, typer.Option(help="Euclidean range, or z along the optical axis.")
@@ -112,7 +122,7 @@ def render(
     """Render a point cloud into a depth map.
 
     Either --size (a pinhole camera) or --q-depth-map (the paper's range view and depth plane)
-    says how large the image is; --camera takes both pose and lens from a file.
+    says how large the image is; --camera takes lens and pose from a file.
     """
     reporter = Reporter(as_json)
 
@@ -121,8 +131,13 @@ def render(
         import depthwarp as dw
         from depthwarp.saving import check_output
 
-        pose = PoseOptions(position, orientation, fov, position_frame)
-        view = _view(camera, pose, size, RangeOptions(q_depth_map, q_line, depth_plane))
+        pose = PoseOptions(position, orientation, position_frame)
+        ranges = RangeOptions(q_depth_map, q_line, depth_plane)
+        if camera is None:
+            view = described_view(pose, fov, size, ranges, camera_name)
+        else:
+            with _say_warnings(reporter):
+                view = view_of_file(camera, camera_name, pose, fov, size, ranges)
         encoding_name: EncodingName | None = None if encoding is None else encoding.value
         check_output(output, encoding_name, max_range)
         _check_inputs_survive(output, cloud, camera)
@@ -149,65 +164,14 @@ def render(
     run_command(reporter, command)
 
 
-class PoseOptions(NamedTuple):
-    """The options that say pose and field of view."""
-
-    position: tuple[float, float, float] | None
-    orientation: tuple[float, float, float] | None
-    fov: tuple[float, float] | None
-    position_frame: FrameChoice | None
-
-
-class RangeOptions(NamedTuple):
-    """The options of the paper's range view."""
-
-    q_depth_map: float | None
-    q_line: float | None
-    depth_plane: float | None
-
-
-def _view(
-    camera: Path | None,
-    pose: PoseOptions,
-    size: tuple[int, int] | None,
-    range_view: RangeOptions,
-) -> PinholeCamera | RangeView:
-    """The camera or range view that the options describe."""
-    from depthwarp.cameras import PinholeCamera
-    from depthwarp.range_view import RangeView
-    from depthwarp.saving import load_camera
-
-    if camera is not None:
-        if any(given is not None for given in (*pose, size, *range_view)):
-            raise InputError(
-                "--camera already says pose and lens: leave out --position, --orientation, --fov, "
-                "--position-frame, --size and the options of the range view"
-            )
-        return load_camera(camera)
-    position, orientation, fov, frame = pose
-    if position is None or orientation is None or fov is None:
-        raise InputError(
-            "give --position X Y Z, --orientation A B G and --fov H V, or --camera FILE"
-        )
-    frame_name: PositionFrame = "world" if frame is None else frame.value
-    q_depth_map, q_line, depth_plane = range_view
-    if (size is None) == (q_depth_map is None):
-        raise InputError("give either --size W H or --q-depth-map M")
-    if size is not None:
-        if q_line is not None or depth_plane is not None:
-            raise InputError(
-                "--q-line and --depth-plane belong to the range view: they go with --q-depth-map"
-            )
-        return PinholeCamera.from_fov(fov, size, position, orientation, frame_name)
-    return RangeView(
-        position=position,
-        orientation=orientation,
-        fov=fov,
-        q_line=0.01 if q_line is None else q_line,
-        q_depth_map=q_depth_map or 0.0,
-        position_frame=frame_name,
-        depth_plane=depth_plane,
-    )
+@contextmanager
+def _say_warnings(reporter: Reporter) -> Iterator[None]:
+    """Show warnings as lines for people, without the place in the source that raised them."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", LensDomainWarning)
+        yield
+    for warning in caught:
+        reporter.say(f"warning: {warning.message}")
 
 
 def _check_inputs_survive(output: Path, *inputs: Path | None) -> None:
