@@ -47,11 +47,14 @@ class DeviceLens(NamedTuple):
         model: A `depthwarp_kernels.lens.LensModel`.
         numbers: Instance of the model's struct.
         table: Further numbers, shape (M,), float32; empty for most models.
+        limits: At most 8 numbers of what the lens can see at most, as the model's `may_meet` takes
+            them; empty where it takes none.
     """
 
     model: Any
     numbers: Any
     table: npt.NDArray[np.float32]
+    limits: tuple[float, ...] = ()
 
 
 class Camera(ABC):

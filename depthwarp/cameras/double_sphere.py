@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from depthwarp.cameras.camera import Camera, DeviceLens
+from depthwarp.cameras.limits import cone_limits
 from depthwarp.cameras.pose import Pose
 from depthwarp.checks import check_finite_vector, check_positive, check_size
 from depthwarp.errors import InputError
@@ -112,4 +113,5 @@ class DoubleSphereCamera(Camera):
         numbers.fx, numbers.fy, numbers.cx, numbers.cy = self.fx, self.fy, self.cx, self.cy
         numbers.xi, numbers.alpha = self.xi, self.alpha
         numbers.least_cosine = self.least_cosine
-        return DeviceLens(lens_fisheye.DOUBLE_SPHERE, numbers, np.empty(0, np.float32))
+        limits = cone_limits(self, math.acos(max(self.least_cosine, -1.0)))
+        return DeviceLens(lens_fisheye.DOUBLE_SPHERE, numbers, np.empty(0, np.float32), limits)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from depthwarp.cameras.camera import Camera, DeviceLens
 from depthwarp.cameras.inversion import first_positive_root, invert_increasing
+from depthwarp.cameras.limits import cone_limits
 from depthwarp.cameras.pinhole import intrinsics_of
 from depthwarp.cameras.pose import Pose
 from depthwarp.checks import check_finite_vector, check_positive, check_size
@@ -156,7 +157,8 @@ class FisheyeCamera(Camera):
         numbers.fx, numbers.fy, numbers.cx, numbers.cy = self.fx, self.fy, self.cx, self.cy
         numbers.k1, numbers.k2, numbers.k3, numbers.k4 = self.distortion
         numbers.max_angle = self.max_angle
-        return DeviceLens(lens_fisheye.FISHEYE, numbers, np.empty(0, np.float32))
+        limits = cone_limits(self, self.max_angle)
+        return DeviceLens(lens_fisheye.FISHEYE, numbers, np.empty(0, np.float32), limits)
 
     def _bend(self, theta: Float64Array) -> Float64Array:
         k1, k2, k3, k4 = self.distortion

@@ -120,4 +120,7 @@ class OrthographicCamera(Camera):
         numbers: Any = lens_pinhole.PinholeLens()
         numbers.fx = numbers.fy = 1 / self.pixel_size
         numbers.cx, numbers.cy = self.cx, self.cy
-        return DeviceLens(lens_pinhole.ORTHOGRAPHIC, numbers, np.empty(0, np.float32))
+        # Half the image and a pixel more.
+        y, z = (0.5 * (side + 2) * self.pixel_size for side in self.size)
+        limits = (-y, y, -z, z)
+        return DeviceLens(lens_pinhole.ORTHOGRAPHIC, numbers, np.empty(0, np.float32), limits)

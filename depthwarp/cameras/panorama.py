@@ -124,6 +124,13 @@ class _Panorama(Camera):
         numbers.least_v, numbers.most_v = self.row_limits()
         return numbers
 
+    def limits(self) -> tuple[float, ...]:
+        """Cosine and sine of the lowest and of the highest elevation, a pixel and more beyond."""
+        low, high = (math.radians(angle) for angle in self.elevations)
+        wider = 0.01 + (high - low) / self.height
+        low, high = max(low - wider, -math.pi / 2), min(high + wider, math.pi / 2)
+        return math.cos(low), math.sin(low), math.cos(high), math.sin(high)
+
     def row_limits(self) -> tuple[float, float]:
         """Least and greatest v of points: a pole at the image's border belongs to it."""
         low, high = self.elevations
@@ -186,7 +193,9 @@ class EquirectangularCamera(_Panorama):
         """The lens as kernels take it; see `Camera.device_lens`."""
         from depthwarp_kernels import lens_panorama
 
-        return DeviceLens(lens_panorama.EQUIRECTANGULAR, self.numbers(), np.empty(0, np.float32))
+        return DeviceLens(
+            lens_panorama.EQUIRECTANGULAR, self.numbers(), np.empty(0, np.float32), self.limits()
+        )
 
 
 @dataclass(frozen=True)
@@ -241,4 +250,6 @@ class CylindricalCamera(_Panorama):
         """The lens as kernels take it; see `Camera.device_lens`."""
         from depthwarp_kernels import lens_panorama
 
-        return DeviceLens(lens_panorama.CYLINDRICAL, self.numbers(), np.empty(0, np.float32))
+        return DeviceLens(
+            lens_panorama.CYLINDRICAL, self.numbers(), np.empty(0, np.float32), self.limits()
+        )

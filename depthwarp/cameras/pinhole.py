@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from depthwarp.cameras.brown import BrownDistortion
 from depthwarp.cameras.camera import Camera, DeviceLens
+from depthwarp.cameras.limits import plane_limits
 from depthwarp.cameras.pose import Pose, PositionFrame
 from depthwarp.checks import (
     check_finite_vector,
@@ -205,7 +206,7 @@ class PinholeCamera(Camera):
             full.prism = wp.vec4f(lens.s1, lens.s2, lens.s3, lens.s4)
             full.tilt = wp.mat33f(*lens.tilt.ravel().tolist())
             numbers = full
-        return DeviceLens(model, numbers, np.empty(0, np.float32))
+        return DeviceLens(model, numbers, np.empty(0, np.float32), plane_limits(self))
 
 
 def intrinsics_of(K: npt.ArrayLike) -> tuple[float, float, float, float]:

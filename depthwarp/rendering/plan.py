@@ -13,6 +13,7 @@ from depthwarp.depth_map import DepthMap, RenderStats
 from depthwarp.devices import check_memory
 from depthwarp.filters import DeviceMaps
 from depthwarp.rendering.config import RenderConfig
+from depthwarp.rendering.splatting import Splatter
 from depthwarp.rendering.views import DeviceViews, ViewPlan
 from depthwarp_kernels import splat
 
@@ -29,6 +30,7 @@ class RenderPlan:
             segmentation.
         config: Depth kind, bounds and filters.
         device: Warp device.
+        threads: Threads on a CPU; None for all cores that this process may use.
 
     Raises:
         InputError: Views of different models or sizes, with and without segmentation, or none; or
@@ -36,14 +38,17 @@ class RenderPlan:
         CapacityError: The buffers do not fit the device.
     """
 
-    def __init__(self, views: Sequence[ViewPlan], config: RenderConfig, device: Any) -> None:
+    def __init__(
+        self,
+        views: Sequence[ViewPlan],
+        config: RenderConfig,
+        device: Any,
+        threads: int | None = None,
+    ) -> None:
         self._views = DeviceViews(views, config, device)
         self._cameras = [view.camera for view in views]
         self._config = config
         self._device = device
-        self._splat = splat.splat_kernel(
-            splat.SplatConfig(self._views.model, config.depth, views[0].line_count > 0)
-        )
         width, height = self._views.size
         shape = (len(views), height, width)
         scratch = sum(step.scratch_bytes for step in config.filters)
@@ -53,13 +58,22 @@ class RenderPlan:
             device,
             "choose a smaller size, or a larger q_depth_map",
         )
-        self._keys = arrays.empty(shape, wp.uint64, device)
-        self._counts = arrays.empty((len(views), splat.COUNT_COLUMNS), wp.int64, device)
+        self._splatter = Splatter(
+            splat.SplatConfig(self._views.model, config.depth, views[0].line_count > 0),
+            self._views,
+            len(views),
+            device,
+            threads,
+        )
         self._maps = DeviceMaps(
             depth=arrays.empty(shape, wp.float32, device),
             index=arrays.empty(shape, wp.int32, device),
             state=arrays.empty(shape, wp.uint8, device),
         )
+        self._flat = [
+            array.reshape((len(views), width * height))
+            for array in (self._maps.depth, self._maps.index, self._maps.state)
+        ]
         self._filters = [step.build(self._maps) for step in config.filters]
         self._total = 0
 
@@ -71,34 +85,25 @@ class RenderPlan:
         Args:
             points_world: Points [m], `wp.array` of `wp.vec3f`, shape (N,), on the plan's device.
         """
-        views, points = len(self._cameras), points_world.shape[0]
-        maps = self._maps
-        self._keys.fill_(splat.EMPTY_KEY)
-        self._counts.zero_()
-        wp.launch(
-            self._splat,
-            dim=(views, points),
-            inputs=[*self._views.arrays, points_world],
-            outputs=[self._keys, self._counts],
-            device=self._device,
-        )
+        splatter = self._splatter
+        splatter.draw(points_world)
         wp.launch(
             splat.resolve,
-            dim=self._keys.shape,
-            inputs=[self._keys],
-            outputs=[maps.depth, maps.index, maps.state, self._counts],
+            dim=splatter.keys.shape[1:],
+            inputs=[splatter.keys],
+            outputs=[*self._flat, splatter.counts[0]],
             device=self._device,
         )
         for step in self._filters:
             step()
-        self._total = points
+        self._total = points_world.shape[0]
 
     def depth_maps(self) -> list[DepthMap]:
         """The maps of the last `render`, copied to the host; waits for the device."""
         depth, index, state = (
             array.numpy().copy() for array in (self._maps.depth, self._maps.index, self._maps.state)
         )
-        counts = self._counts.numpy()
+        counts = self._splatter.counts.numpy().sum(axis=0)
         return [
             DepthMap(
                 depth=depth[v],

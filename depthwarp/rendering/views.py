@@ -13,7 +13,7 @@ from depthwarp import arrays
 from depthwarp.cameras import Camera
 from depthwarp.errors import InputError
 from depthwarp.rendering.config import RenderConfig
-from depthwarp_kernels.view import View
+from depthwarp_kernels.view import Limits, View
 
 __all__ = ["DeviceViews", "ViewPlan"]
 
@@ -56,6 +56,7 @@ class DeviceViews:
             )
         lenses: list[Any] = []
         tables: list[np.ndarray[Any, np.dtype[np.float32]]] = []
+        limits: list[tuple[float, ...]] = []
         models = set()
         for view in views:
             view.camera.check_kind(config.depth)
@@ -63,11 +64,15 @@ class DeviceViews:
             models.add(lens.model)
             lenses.append(lens.numbers)
             tables.append(lens.table)
+            limits.append(lens.limits)
         if len(models) != 1:
             raise InputError("views of one plan must all be of one camera model")
         self.model = models.pop()
         self.size = views[0].camera.size
-        structs = [_view_struct(view, config) for view in views]
+        structs = [
+            _view_struct(view, config, lens_limits)
+            for view, lens_limits in zip(views, limits, strict=True)
+        ]
         self.arrays: list[Any] = [
             wp.array(structs, dtype=View, device=device),
             wp.array(lenses, dtype=self.model.struct, device=device),
@@ -75,7 +80,7 @@ class DeviceViews:
         ]
 
 
-def _view_struct(plan: ViewPlan, config: RenderConfig) -> Any:
+def _view_struct(plan: ViewPlan, config: RenderConfig, limits: tuple[float, ...]) -> Any:
     camera, pose = plan.camera, plan.camera.pose
     view: Any = View()
     view.rotation = wp.mat33f(*pose.rotation.ravel().tolist())
@@ -86,4 +91,5 @@ def _view_struct(plan: ViewPlan, config: RenderConfig) -> Any:
     view.max_range = min(config.max_range, FLOAT32_MAX)  # a range that overflows is too far
     view.line_count = plan.line_count
     view.steps = wp.vec3f(*plan.steps)
+    view.limits = Limits(*limits, *[0.0] * (8 - len(limits)))
     return view

@@ -25,11 +25,11 @@ def angle_of(y: wp.float32, x: wp.float32):
     ay = wp.abs(y)
     small = wp.min(ax, ay)
     large = wp.max(ax, ay)
-    if large == 0.0:
-        return wp.float32(0.0)
     # Above pi / 8 the angle is pi / 4 less that of the vector turned by pi / 4.
     turned = small > TAN_EIGHTH_PI * large
-    z = wp.where(turned, (small - large) / (small + large), small / large)
+    z = wp.where(
+        turned, (small - large) / (small + large), small / wp.where(large > 0.0, large, 1.0)
+    )
     square = z * z
     series = A0 + square * (A1 + square * (A2 + square * A3))
     angle = z + z * (square * series)

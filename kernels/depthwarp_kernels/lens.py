@@ -8,10 +8,22 @@ from typing import Any
 
 import warp as wp
 
+from depthwarp_kernels.cull import may_meet_all
 from depthwarp_kernels.view import View, range_depth, to_camera, z_depth
 
-# The pixel of a point outside a model's domain: in no image.
-NO_PIXEL = wp.constant(wp.vec2f(-1.0e9, -1.0e9))
+
+# Where a model draws a point: column, row [px], and 1 inside its domain, 0 outside. There is no
+# branch in it, so that a CPU can look at several points at once.
+@wp.func
+def drawn_if(inside: bool, u: wp.float32, v: wp.float32):
+    """Column and row of a point, if it is inside the domain."""
+    return wp.vec3f(u, v, wp.where(inside, 1.0, 0.0))
+
+
+@wp.func
+def nowhere():
+    """A point outside a model's domain."""
+    return wp.vec3f(0.0, 0.0, 0.0)
 
 
 @wp.func
@@ -44,11 +56,13 @@ class LensModel:
 
     Attributes:
         struct: `wp.struct` of the model's numbers.
-        project: `wp.func (lens, tables, p) -> vec2f`: column and row of a point in the camera
-            frame [px], pixel centres at whole numbers; NO_PIXEL outside the model's domain.
+        project: `wp.func (lens, tables, p) -> vec3f`: column and row of a point in the camera
+            frame [px], pixel centres at whole numbers; 1 inside the model's domain, 0 outside.
         ahead_only: Whether points with X <= 0 are behind the camera.
         range_of: `wp.func (lens, p) -> float32`: way from where a ray starts to the point [m].
         place: `wp.func (view, lens, tables, point) -> vec3f`: the point in the camera frame.
+        may_meet: `wp.func (view, center, radius) -> bool`, one of `cull`: whether a sphere in the
+            camera frame may be in view, by `view.limits`.
     """
 
     struct: Any
@@ -56,3 +70,4 @@ class LensModel:
     ahead_only: bool
     range_of: Any = range_from_center
     place: Any = place_still
+    may_meet: Any = may_meet_all

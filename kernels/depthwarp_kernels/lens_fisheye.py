@@ -3,7 +3,8 @@
 import warp as wp
 
 from depthwarp_kernels.angles import angle_of
-from depthwarp_kernels.lens import NO_PIXEL, LensModel
+from depthwarp_kernels.cull import may_meet_cone
+from depthwarp_kernels.lens import LensModel, drawn_if
 
 
 # OpenCV's fisheye: an angle theta from the axis is drawn at the distance theta (1 + k1 theta^2 +
@@ -23,22 +24,19 @@ class FisheyeLens:
 
 @wp.func
 def project_fisheye(lens: FisheyeLens, tables: wp.array[wp.float32], p: wp.vec3f):
-    """Column and row of a camera-frame point, NO_PIXEL beyond the greatest angle."""
+    """Column and row of a camera-frame point; nowhere beyond the greatest angle."""
     aside = wp.sqrt(p[1] * p[1] + p[2] * p[2])
     theta = angle_of(aside, p[0])
     # Straight behind, at 180 degrees, a ray has no direction in the image.
-    if theta > lens.max_angle or (aside == 0.0 and p[0] < 0.0):
-        return NO_PIXEL
+    inside = theta <= lens.max_angle and (aside > 0.0 or p[0] >= 0.0)
     square = theta * theta
     series = lens.k1 + square * (lens.k2 + square * (lens.k3 + square * lens.k4))
     bent = theta * (1.0 + square * series)
-    if aside == 0.0:
-        return wp.vec2f(lens.cx, lens.cy)
-    scale = bent / aside
-    return wp.vec2f(lens.cx - lens.fx * (p[1] * scale), lens.cy - lens.fy * (p[2] * scale))
+    scale = bent / wp.where(aside > 0.0, aside, 1.0)
+    return drawn_if(inside, lens.cx - lens.fx * (p[1] * scale), lens.cy - lens.fy * (p[2] * scale))
 
 
-FISHEYE = LensModel(FisheyeLens, project_fisheye, ahead_only=False)
+FISHEYE = LensModel(FisheyeLens, project_fisheye, ahead_only=False, may_meet=may_meet_cone)
 
 
 # Double sphere (Usenko, Demmel, Cremers 2018): the unit sphere, a second one displaced by xi, and a
@@ -56,15 +54,16 @@ class DoubleSphereLens:
 
 @wp.func
 def project_double_sphere(lens: DoubleSphereLens, tables: wp.array[wp.float32], p: wp.vec3f):
-    """Column and row of a camera-frame point, NO_PIXEL beyond the model's domain."""
+    """Column and row of a camera-frame point; nowhere beyond the model's domain."""
     aside = p[1] * p[1] + p[2] * p[2]
     distance = wp.sqrt(aside + p[0] * p[0])
-    if not (p[0] > lens.least_cosine * distance):
-        return NO_PIXEL
+    inside = p[0] > lens.least_cosine * distance
     forward = lens.xi * distance + p[0]
     second = wp.sqrt(aside + forward * forward)
     below = lens.alpha * second + (1.0 - lens.alpha) * forward
-    return wp.vec2f(lens.cx - lens.fx * (p[1] / below), lens.cy - lens.fy * (p[2] / below))
+    return drawn_if(inside, lens.cx - lens.fx * (p[1] / below), lens.cy - lens.fy * (p[2] / below))
 
 
-DOUBLE_SPHERE = LensModel(DoubleSphereLens, project_double_sphere, ahead_only=False)
+DOUBLE_SPHERE = LensModel(
+    DoubleSphereLens, project_double_sphere, ahead_only=False, may_meet=may_meet_cone
+)

@@ -3,6 +3,7 @@
 import warp as wp
 
 from depthwarp_kernels.angles import angle_of
+from depthwarp_kernels.cull import may_meet_band
 from depthwarp_kernels.lens import LensModel
 
 
@@ -24,12 +25,8 @@ class PanoramaLens:
 def azimuth_column(lens: PanoramaLens, p: wp.vec3f):
     """Column of an azimuth; behind, a full turn goes on at its other end."""
     u = lens.cx - lens.fx * angle_of(p[1], p[0])
-    if lens.period > 0.0:
-        if u < -0.5:
-            u += lens.period
-        if u + 0.5 >= lens.period:
-            u -= lens.period
-    return u
+    u = wp.where(u < -0.5, u + lens.period, u)
+    return wp.where(lens.period > 0.0 and u + 0.5 >= lens.period, u - lens.period, u)
 
 
 @wp.func
@@ -37,15 +34,17 @@ def project_equirectangular(lens: PanoramaLens, tables: wp.array[wp.float32], p:
     """Column and row of a camera-frame point: azimuth and elevation."""
     level = wp.sqrt(p[0] * p[0] + p[1] * p[1])
     v = wp.clamp(lens.cy - lens.fy * angle_of(p[2], level), lens.least_v, lens.most_v)
-    return wp.vec2f(azimuth_column(lens, p), v)
+    return wp.vec3f(azimuth_column(lens, p), v, 1.0)
 
 
 @wp.func
 def project_cylindrical(lens: PanoramaLens, tables: wp.array[wp.float32], p: wp.vec3f):
     """Column and row of a camera-frame point: azimuth, and height on a cylinder of radius 1."""
     level = wp.sqrt(p[0] * p[0] + p[1] * p[1])
-    return wp.vec2f(azimuth_column(lens, p), lens.cy - lens.fy * (p[2] / level))
+    return wp.vec3f(azimuth_column(lens, p), lens.cy - lens.fy * (p[2] / level), 1.0)
 
 
-EQUIRECTANGULAR = LensModel(PanoramaLens, project_equirectangular, ahead_only=False)
-CYLINDRICAL = LensModel(PanoramaLens, project_cylindrical, ahead_only=False)
+EQUIRECTANGULAR = LensModel(
+    PanoramaLens, project_equirectangular, ahead_only=False, may_meet=may_meet_band
+)
+CYLINDRICAL = LensModel(PanoramaLens, project_cylindrical, ahead_only=False, may_meet=may_meet_band)

@@ -5,7 +5,8 @@
 
 import warp as wp
 
-from depthwarp_kernels.lens import NO_PIXEL, LensModel, range_of_parallel
+from depthwarp_kernels.cull import may_meet_box, may_meet_planes
+from depthwarp_kernels.lens import LensModel, drawn_if, range_of_parallel
 
 
 # fx, fy, cx, cy [px]; pixel centres at whole numbers.
@@ -20,10 +21,10 @@ class PinholeLens:
 @wp.func
 def project_pinhole(lens: PinholeLens, tables: wp.array[wp.float32], p: wp.vec3f):
     """Column and row of a camera-frame point ahead."""
-    return wp.vec2f(lens.cx - lens.fx * (p[1] / p[0]), lens.cy - lens.fy * (p[2] / p[0]))
+    return wp.vec3f(lens.cx - lens.fx * (p[1] / p[0]), lens.cy - lens.fy * (p[2] / p[0]), 1.0)
 
 
-PINHOLE = LensModel(PinholeLens, project_pinhole, ahead_only=True)
+PINHOLE = LensModel(PinholeLens, project_pinhole, ahead_only=True, may_meet=may_meet_planes)
 
 
 # Brown-Conrady with OpenCV's names: radial k1, k2, k3, tangential p1, p2. No point farther from the
@@ -53,20 +54,20 @@ def tangential(a: wp.float32, b: wp.float32, square: wp.float32, p1: wp.float32,
 
 @wp.func
 def project_brown(lens: BrownLens, tables: wp.array[wp.float32], p: wp.vec3f):
-    """Column and row of a camera-frame point ahead, NO_PIXEL beyond the lens's domain."""
+    """Column and row of a camera-frame point ahead; nowhere beyond the lens's domain."""
     a = -(p[1] / p[0])
     b = -(p[2] / p[0])
     square = a * a + b * b
-    if not (square <= lens.max_square):
-        return NO_PIXEL
     radial = 1.0 + square * (lens.k1 + square * (lens.k2 + square * lens.k3))
     shift = tangential(a, b, square, lens.p1, lens.p2)
-    return wp.vec2f(
-        lens.cx + lens.fx * (a * radial + shift[0]), lens.cy + lens.fy * (b * radial + shift[1])
+    return drawn_if(
+        square <= lens.max_square,
+        lens.cx + lens.fx * (a * radial + shift[0]),
+        lens.cy + lens.fy * (b * radial + shift[1]),
     )
 
 
-BROWN = LensModel(BrownLens, project_brown, ahead_only=True)
+BROWN = LensModel(BrownLens, project_brown, ahead_only=True, may_meet=may_meet_planes)
 
 
 # OpenCV's full model: the radial part divided by 1 + k4 r^2 + k5 r^4 + k6 r^6, thin prism s1 to s4,
@@ -83,13 +84,11 @@ class RationalLens:
 
 @wp.func
 def project_rational(lens: RationalLens, tables: wp.array[wp.float32], p: wp.vec3f):
-    """Column and row of a camera-frame point ahead, NO_PIXEL beyond the lens's domain."""
+    """Column and row of a camera-frame point ahead; nowhere beyond the lens's domain."""
     brown = lens.brown
     a = -(p[1] / p[0])
     b = -(p[2] / p[0])
     square = a * a + b * b
-    if not (square <= brown.max_square):
-        return NO_PIXEL
     above = 1.0 + square * (brown.k1 + square * (brown.k2 + square * brown.k3))
     below = 1.0 + square * (lens.k4 + square * (lens.k5 + square * lens.k6))
     radial = above / below
@@ -98,23 +97,26 @@ def project_rational(lens: RationalLens, tables: wp.array[wp.float32], p: wp.vec
     y = (b * radial + shift[1]) + square * (lens.prism[2] + square * lens.prism[3])
     t = lens.tilt
     scale = (t[2, 0] * x + t[2, 1] * y) + t[2, 2]
-    if not (scale > 0.0):
-        return NO_PIXEL
-    return wp.vec2f(
+    return drawn_if(
+        square <= brown.max_square and scale > 0.0,
         brown.cx + brown.fx * (((t[0, 0] * x + t[0, 1] * y) + t[0, 2]) / scale),
         brown.cy + brown.fy * (((t[1, 0] * x + t[1, 1] * y) + t[1, 2]) / scale),
     )
 
 
-RATIONAL = LensModel(RationalLens, project_rational, ahead_only=True)
+RATIONAL = LensModel(RationalLens, project_rational, ahead_only=True, may_meet=may_meet_planes)
 
 
 @wp.func
 def project_orthographic(lens: PinholeLens, tables: wp.array[wp.float32], p: wp.vec3f):
     """Column and row of a camera-frame point ahead; fx, fy are pixels a metre."""
-    return wp.vec2f(lens.cx - lens.fx * p[1], lens.cy - lens.fy * p[2])
+    return wp.vec3f(lens.cx - lens.fx * p[1], lens.cy - lens.fy * p[2], 1.0)
 
 
 ORTHOGRAPHIC = LensModel(
-    PinholeLens, project_orthographic, ahead_only=True, range_of=range_of_parallel
+    PinholeLens,
+    project_orthographic,
+    ahead_only=True,
+    range_of=range_of_parallel,
+    may_meet=may_meet_box,
 )

@@ -8,7 +8,7 @@ sensor that moves, 12 numbers a column: rotation (row-major) and position.
 import warp as wp
 
 from depthwarp_kernels.angles import angle_of
-from depthwarp_kernels.lens import NO_PIXEL, LensModel
+from depthwarp_kernels.lens import LensModel, nowhere
 from depthwarp_kernels.view import View, to_camera
 
 POSE_NUMBERS = 12
@@ -64,17 +64,17 @@ def column_of(
 
 @wp.func
 def project_spinning(lens: SpinningLens, tables: wp.array[wp.float32], p: wp.vec3f):
-    """Column and row of a point in the frame of the sensor, NO_PIXEL above or below all beams."""
+    """Column and row of a point in the frame of the sensor; nowhere above or below all beams."""
     level = wp.sqrt(p[0] * p[0] + p[1] * p[1])
     way = level - lens.origin_offset
     if not (way > 0.0):
-        return NO_PIXEL
+        return nowhere()
     slope = p[2] / way
     if not (slope <= tables[lens.first] and slope >= tables[lens.first + lens.rows]):
-        return NO_PIXEL
+        return nowhere()
     beam = nearest_beam(lens, tables, slope)
     row = tables[lens.first + lens.rows + 1 + beam]
-    return wp.vec2f(column_of(lens, tables, p, level, beam), row)
+    return wp.vec3f(column_of(lens, tables, p, level, beam), row, 1.0)
 
 
 @wp.func

@@ -68,13 +68,38 @@ def pack_key(depth: wp.float32, index: wp.int32):
     return (wp.uint64(wp.cast(depth, wp.uint32)) << wp.uint64(32)) | wp.uint64(index)
 
 
+# Without branches, so that a CPU can look at several points at once.
+@cache
+def reason_function(config: SplatConfig):
+    """The function (view, p, pixel, depth) that says what becomes of a camera-frame point."""
+
+    @wp.func
+    def reason_of(view: View, p: wp.vec3f, pixel: wp.vec3f, depth: wp.float32):
+        near = depth < view.min_range or depth == 0.0
+        reason = wp.where(near, TOO_NEAR, DRAWN)
+        reason = wp.where(depth > view.max_range, TOO_FAR, reason)
+        reason = wp.where(in_image(view, pixel), reason, OUTSIDE)
+        if wp.static(config.range_view):
+            reason = wp.where(in_range_view(p, view.steps, view.line_count), reason, OUTSIDE)
+        if wp.static(config.ahead_only):
+            reason = wp.where(p[0] > 0.0, reason, BEHIND)
+        else:
+            # A point at the centre has no direction, so no pixel either.
+            at_center = p[0] == 0.0 and p[1] == 0.0 and p[2] == 0.0
+            reason = wp.where(at_center, TOO_NEAR, reason)
+        return wp.where(is_finite(p), reason, NOT_FINITE)
+
+    return reason_of
+
+
 @cache
 def splat_kernel(config: SplatConfig):
-    """Kernel that draws points into the keys of views; launch over (views, points)."""
+    """Kernel that draws points from `first` on into the keys of views; launch over both."""
     depth_of = config.depth_of
     Lens = config.lens.struct
     place = config.lens.place
     project = config.lens.project
+    reason_of = reason_function(config)
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
     def splat(
@@ -83,70 +108,53 @@ def splat_kernel(config: SplatConfig):
         lenses: wp.array[Lens],
         tables: wp.array[wp.float32],
         points_world: wp.array[wp.vec3f],
+        first: wp.int32,
         # Out:
-        keys_out: wp.array3d[wp.uint64],
+        keys_out: wp.array2d[wp.uint64],
         counts_out: wp.array2d[wp.int64],
     ):
         v, i = wp.tid()
+        i += first
         view = views[v]
         lens = lenses[v]
         p = place(view, lens, tables, points_world[i])
-        if not is_finite(p):
-            count(counts_out, v, NOT_FINITE)
-            return
-        if wp.static(config.ahead_only):
-            if p[0] <= 0.0:
-                count(counts_out, v, BEHIND)
-                return
-        else:
-            # A point at the centre has no direction, so no pixel either.
-            if p[0] == 0.0 and p[1] == 0.0 and p[2] == 0.0:
-                count(counts_out, v, TOO_NEAR)
-                return
-        if wp.static(config.range_view):
-            if not in_range_view(p, view.steps, view.line_count):
-                count(counts_out, v, OUTSIDE)
-                return
         pixel = pixel_of(project(lens, tables, p))
-        if not in_image(view, pixel):
-            count(counts_out, v, OUTSIDE)
-            return
         depth = depth_of(lens, p)
-        if depth > view.max_range:
-            count(counts_out, v, TOO_FAR)
-            return
-        if depth < view.min_range or depth == 0.0:
-            count(counts_out, v, TOO_NEAR)
+        reason = reason_of(view, p, pixel, depth)
+        if reason != DRAWN:
+            count(counts_out, v, reason)
             return
         key = pack_key(depth, i)
-        row = wp.int32(pixel[1])
-        column = wp.int32(pixel[0])
+        cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
         # A key only ever falls, so a stale read can cost an atomic but never a point.
-        if key < keys_out[v, row, column]:
-            wp.atomic_min(keys_out, v, row, column, key)
+        if key < keys_out[v, cell]:
+            wp.atomic_min(keys_out, v, cell, key)
 
     return splat
 
 
-# Launch over (views, rows, columns).
+# Launch over (views, pixels). `keys` holds one or more buffers of each view, whose smallest key
+# counts: those of several threads, or of several parts of a cloud.
 @wp.kernel
 def resolve(
     # In:
     keys: wp.array3d[wp.uint64],
     # Out:
-    depth_out: wp.array3d[wp.float32],
-    index_out: wp.array3d[wp.int32],
-    state_out: wp.array3d[wp.uint8],
+    depth_out: wp.array2d[wp.float32],
+    index_out: wp.array2d[wp.int32],
+    state_out: wp.array2d[wp.uint8],
     counts_out: wp.array2d[wp.int64],
 ):
-    v, row, column = wp.tid()
-    key = keys[v, row, column]
+    v, cell = wp.tid()
+    key = keys[0, v, cell]
+    for buffer in range(1, keys.shape[0]):
+        key = wp.min(key, keys[buffer, v, cell])
     if key == wp.uint64(EMPTY_KEY):
-        depth_out[v, row, column] = 0.0
-        index_out[v, row, column] = -1
-        state_out[v, row, column] = STATE_EMPTY
+        depth_out[v, cell] = 0.0
+        index_out[v, cell] = -1
+        state_out[v, cell] = STATE_EMPTY
         return
-    depth_out[v, row, column] = wp.cast(wp.uint32(key >> wp.uint64(32)), wp.float32)
-    index_out[v, row, column] = wp.int32(key & wp.uint64(0xFFFFFFFF))
-    state_out[v, row, column] = STATE_MEASURED
+    depth_out[v, cell] = wp.cast(wp.uint32(key >> wp.uint64(32)), wp.float32)
+    index_out[v, cell] = wp.int32(key & wp.uint64(0xFFFFFFFF))
+    state_out[v, cell] = STATE_MEASURED
     count(counts_out, v, DRAWN)

@@ -8,6 +8,9 @@ from typing import Any
 
 import warp as wp
 
+# What culling knows of a lens; the meaning depends on the model, see `cull`.
+Limits = wp.types.vector(length=8, dtype=wp.float32)
+
 
 # position and shift [m] are the two readings of P_C: `position` is subtracted before the rotation
 # (world frame), `shift` after it (the paper's own, rotated frame).
@@ -23,6 +26,7 @@ class View:
     max_range: wp.float32
     line_count: wp.int32
     steps: wp.vec3f
+    limits: Limits
 
 
 @wp.func
@@ -35,10 +39,13 @@ def to_camera(point: Any, rotation: Any, position: Any, shift: Any):
     return type(point)(x, y, z)
 
 
+# Not wp.isfinite: a call keeps a CPU from looking at several points at once.
 @wp.func
 def is_finite(p: Any):
-    """Whether all three coordinates are finite."""
-    return wp.isfinite(p[0]) and wp.isfinite(p[1]) and wp.isfinite(p[2])
+    """Whether all three coordinates are finite: only then does a number less itself give 0."""
+    d = p - p
+    zero = p.dtype(0.0)
+    return d[0] == zero and d[1] == zero and d[2] == zero
 
 
 # Rectangles grow with n, so only the last one that stands before the point decides (9). The
@@ -46,30 +53,29 @@ def is_finite(p: Any):
 @wp.func
 def in_range_view(p: Any, steps: Any, line_count: wp.int32):
     """Segmentation (8)(9) in closed form: is a camera-frame point inside the range view?"""
-    guess = wp.min(p[0] / steps[0], steps.dtype(line_count))
-    m = wp.int32(guess)
-    if steps.dtype(m) * steps[0] >= p[0]:
-        m -= 1
-    elif m < line_count and steps.dtype(m + 1) * steps[0] < p[0]:
-        m += 1
+    guess = wp.int32(wp.min(p[0] / steps[0], steps.dtype(line_count)))
+    too_far = steps.dtype(guess) * steps[0] >= p[0]
+    too_near = guess < line_count and steps.dtype(guess + 1) * steps[0] < p[0]
+    m = wp.where(too_far, guess - 1, wp.where(too_near, guess + 1, guess))
     n = steps.dtype(m)
     return m >= 1 and wp.abs(p[1]) < n * steps[1] and wp.abs(p[2]) < n * steps[2]
 
 
 @wp.func
-def pixel_of(uv: wp.vec2f):
-    """The pixel that holds (u, v), as floats: floor(u + 0.5), floor(v + 0.5)."""
-    return wp.vec2f(wp.floor(uv[0] + 0.5), wp.floor(uv[1] + 0.5))
+def pixel_of(seen: wp.vec3f):
+    """The pixel that holds (u, v), as floats: floor(u + 0.5), floor(v + 0.5); and the third."""
+    return wp.vec3f(wp.floor(seen[0] + 0.5), wp.floor(seen[1] + 0.5), seen[2])
 
 
 @wp.func
-def in_image(view: View, pixel: wp.vec2f):
-    """Whether a pixel lies in the image; false for NaN."""
+def in_image(view: View, pixel: wp.vec3f):
+    """Whether a pixel lies in the image, and the point in the lens's domain; false for NaN."""
     return (
         pixel[0] >= 0.0
         and pixel[1] >= 0.0
         and pixel[0] < wp.float32(view.width)
         and pixel[1] < wp.float32(view.height)
+        and pixel[2] > 0.0
     )
 
 
