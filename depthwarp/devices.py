@@ -11,7 +11,7 @@ import warp as wp
 
 from depthwarp.errors import CapacityError, DeviceError
 
-__all__ = ["check_memory", "free_memory", "resolve_device"]
+__all__ = ["check_memory", "free_memory", "resolve_device", "usable_cores"]
 
 # A library does not write to its caller's stdout: Warp's greeting and its compile messages stay
 # away unless the program asks for them (wp.config.log_level, set after this import).
@@ -30,6 +30,13 @@ def resolve_device(name: str | None) -> Any:
     except (ValueError, RuntimeError) as error:
         known = ", ".join(device.alias for device in wp.get_devices())
         raise DeviceError(f"device '{name}' is not on this machine: use one of {known}") from error
+
+
+def usable_cores() -> int:
+    """Processor cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def free_memory(device: Any) -> int:

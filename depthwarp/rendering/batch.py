@@ -9,19 +9,19 @@ from depthwarp.cameras import Camera, DepthKind
 from depthwarp.cloud import PointCloud
 from depthwarp.depth_map import DepthMap
 from depthwarp.depth_maps import DepthMaps
-from depthwarp.devices import resolve_device
 from depthwarp.errors import InputError
 from depthwarp.filters import Filter, check_filters
+from depthwarp.prepared import PreparedCloud
 from depthwarp.range_view import RangeView
 from depthwarp.rendering.config import RenderConfig
-from depthwarp.rendering.inputs import device_points, view_plan
+from depthwarp.rendering.inputs import device_of, device_points, view_plan
 from depthwarp.rendering.plan import RenderPlan
 
 __all__ = ["render_batch"]
 
 
 def render_batch(
-    clouds: PointCloud | Sequence[PointCloud],
+    clouds: PointCloud | PreparedCloud | Sequence[PointCloud | PreparedCloud],
     cameras: Sequence[Camera | RangeView] | Mapping[str, Camera],
     *,
     depth: DepthKind = "range",
@@ -61,14 +61,14 @@ def render_batch(
     views = list(cameras.values() if isinstance(cameras, Mapping) else cameras)
     if not views:
         raise InputError("cameras must be at least one")
-    seen = [clouds] * len(views) if isinstance(clouds, PointCloud) else list(clouds)
+    seen = [clouds] * len(views) if isinstance(clouds, PointCloud | PreparedCloud) else list(clouds)
     if len(seen) != len(views):
         raise InputError(
             f"clouds must be one for all cameras or one for each: got {len(seen)} clouds and "
             f"{len(views)} cameras"
         )
     config = RenderConfig(depth, min_range, max_range, check_filters(filters))
-    target = resolve_device(device)
+    target = device_of(clouds, device)
     plans = [view_plan(camera, cloud, device) for camera, cloud in zip(views, seen, strict=True)]
     groups: dict[Any, list[int]] = {}
     for number, (plan, cloud) in enumerate(zip(plans, seen, strict=True)):

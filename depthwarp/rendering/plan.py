@@ -13,6 +13,7 @@ from depthwarp.depth_map import DepthMap, RenderStats
 from depthwarp.devices import check_memory
 from depthwarp.filters import DeviceMaps
 from depthwarp.rendering.config import RenderConfig
+from depthwarp.rendering.points import Points, points_of
 from depthwarp.rendering.splatting import Splatter
 from depthwarp.rendering.views import DeviceViews, ViewPlan
 from depthwarp_kernels import splat
@@ -58,13 +59,7 @@ class RenderPlan:
             device,
             "choose a smaller size, or a larger q_depth_map",
         )
-        self._splatter = Splatter(
-            splat.SplatConfig(self._views.model, config.depth, views[0].line_count > 0),
-            self._views,
-            len(views),
-            device,
-            threads,
-        )
+        self._splatter = Splatter(self._views, config, device, threads)
         self._maps = DeviceMaps(
             depth=arrays.empty(shape, wp.float32, device),
             index=arrays.empty(shape, wp.int32, device),
@@ -75,28 +70,30 @@ class RenderPlan:
             for array in (self._maps.depth, self._maps.index, self._maps.state)
         ]
         self._filters = [step.build(self._maps) for step in config.filters]
-        self._total = 0
+        self._points: Points | None = None
 
-    def render(self, points_world: Any) -> None:
+    def render(self, cloud: Any) -> None:
         """Draw a cloud into all views.
 
         Allocates nothing and does not synchronize: graph-capture safe once its kernels are loaded.
 
         Args:
-            points_world: Points [m], `wp.array` of `wp.vec3f`, shape (N,), on the plan's device.
+            cloud: Points [m], `wp.array` of `wp.vec3f`, shape (N,), or a `PreparedCloud`; on the
+                plan's device.
         """
         splatter = self._splatter
-        splatter.draw(points_world)
+        points = points_of(cloud)
+        splatter.draw(points)
         wp.launch(
             splat.resolve,
-            dim=splatter.keys.shape[1:],
+            dim=self._flat[0].shape,
             inputs=[splatter.keys],
             outputs=[*self._flat, splatter.counts[0]],
             device=self._device,
         )
         for step in self._filters:
             step()
-        self._total = points_world.shape[0]
+        self._points = points
 
     def depth_maps(self) -> list[DepthMap]:
         """The maps of the last `render`, copied to the host; waits for the device."""
@@ -113,23 +110,26 @@ class RenderPlan:
                 kind=self._config.depth,
                 min_range=self._config.min_range,
                 max_range=self._config.max_range,
-                stats=_stats(self._total, counts[v]),
+                stats=_stats(self._points, counts[v]),
                 filters=tuple(map(repr, self._config.filters)),
             )
             for v, camera in enumerate(self._cameras)
         ]
 
 
-def _stats(total: int, counts: np.ndarray[Any, np.dtype[np.int64]]) -> RenderStats:
+def _stats(points: Points | None, counts: np.ndarray[Any, np.dtype[np.int64]]) -> RenderStats:
+    if points is None:  # nothing was rendered yet
+        return RenderStats(*[0] * 8)
     not_finite, behind, outside, too_far, too_near, drawn = (int(count) for count in counts)
+    not_finite += points.not_finite
     dropped = not_finite + behind + outside + too_far + too_near
     return RenderStats(
-        total=total,
+        total=points.total,
         not_finite=not_finite,
         behind=behind,
         outside=outside,
         too_far=too_far,
         too_near=too_near,
-        hidden=total - dropped - drawn,
+        hidden=points.total - dropped - drawn,
         drawn=drawn,
     )

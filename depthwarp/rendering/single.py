@@ -7,18 +7,18 @@ from collections.abc import Sequence
 from depthwarp.cameras import Camera, DepthKind
 from depthwarp.cloud import PointCloud
 from depthwarp.depth_map import DepthMap
-from depthwarp.devices import resolve_device
 from depthwarp.filters import Filter, check_filters
+from depthwarp.prepared import PreparedCloud
 from depthwarp.range_view import RangeView
 from depthwarp.rendering.config import RenderConfig
-from depthwarp.rendering.inputs import device_points, view_plan
+from depthwarp.rendering.inputs import device_of, device_points, view_plan
 from depthwarp.rendering.plan import RenderPlan
 
 __all__ = ["render"]
 
 
 def render(
-    cloud: PointCloud,
+    cloud: PointCloud | PreparedCloud,
     camera: Camera | RangeView,
     *,
     depth: DepthKind = "range",
@@ -33,7 +33,7 @@ def render(
     the same, bit for bit, on every device.
 
     Args:
-        cloud: Points in the world frame.
+        cloud: Points in the world frame; or a prepared cloud, `cloud.prepare()`.
         camera: A camera of any model; or a `RangeView`, which selects the points by (8)(9) first
             and projects them onto its depth plane: the paper's own process.
         depth: `"range"`: Euclidean distance, the paper's (10). `"z"`: along the optical axis, for
@@ -59,7 +59,7 @@ def render(
         2.0
     """
     config = RenderConfig(depth, min_range, max_range, check_filters(filters))
-    target = resolve_device(device)
+    target = device_of(cloud, device)
     points = device_points(cloud, target)
     plan = RenderPlan([view_plan(camera, cloud, device)], config, target)
     plan.render(points)

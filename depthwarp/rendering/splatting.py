@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import warp as wp
 
 from depthwarp import arrays
+from depthwarp.devices import usable_cores
+from depthwarp.rendering.config import RenderConfig
+from depthwarp.rendering.points import Points
 from depthwarp.rendering.views import DeviceViews
 from depthwarp_kernels import splat, splat_blocks
+from depthwarp_kernels.point_source import BLOCK, PointSource
 
-__all__ = ["Splatter", "usable_cores"]
+__all__ = ["Splatter"]
 
 LEAST_BLOCKS = 128
 """Blocks of points from which a second thread pays for its buffer."""
 
 PARTS_A_THREAD = 8
 """Parts that a thread takes one after the other, so that none waits long for the last."""
-
-
-def usable_cores() -> int:
-    """Processor cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @cache
@@ -43,112 +40,142 @@ class Splatter:
     buffers counts, so the result does not depend on the threads or on who takes which part.
 
     Args:
-        config: What is decided at compile time.
         views: The views, on the device.
-        count: Number of views V.
+        config: Depth kind and bounds.
         device: Warp device.
         threads: Threads on a CPU; None for all usable cores.
 
     Attributes:
-        keys: Key buffers, shape (buffers, V, pixels), uint64.
+        keys: Key buffers, shape (buffers, V, pixels and spare cells), uint64.
         counts: What became of the points, shape (buffers, V, `COUNT_COLUMNS`), int64.
     """
 
     def __init__(
-        self,
-        config: splat.SplatConfig,
-        views: DeviceViews,
-        count: int,
-        device: Any,
-        threads: int | None = None,
+        self, views: DeviceViews, config: RenderConfig, device: Any, threads: int | None = None
     ) -> None:
-        self._views, self._count, self._device = views, count, device
+        self._views, self._device, self._depth = views, device, config.depth
         wanted = usable_cores() if threads is None else threads
         self._threads = 1 if device.is_cuda else wanted
         # Views enough for all threads are drawn one a thread, straight into the views' own keys.
-        self._by_view = count >= self._threads
+        self._by_view = views.count >= self._threads
         buffers = 1 if self._by_view else self._threads
         width, height = views.size
-        self.keys = arrays.empty((buffers, count, width * height), wp.uint64, device)
-        self.counts = arrays.empty((buffers, count, splat.COUNT_COLUMNS), wp.int64, device)
-        self._points_kernel = splat.splat_kernel(config)
-        wp.load_module(self._points_kernel.module, device=device)
-        if not device.is_cuda:
-            self._blocks_kernel = splat_blocks.block_kernel(config)
-            wp.load_module(self._blocks_kernel.module, device=device)
-            self._slots = [
-                [(self.keys[b, v], self.counts[b, v]) for v in range(count)] for b in range(buffers)
-            ]
+        cells = width * height + splat_blocks.SPARE_CELLS
+        self.keys = arrays.empty((buffers, views.count, cells), wp.uint64, device)
+        self.counts = arrays.empty((buffers, views.count, splat.COUNT_COLUMNS), wp.int64, device)
+        self._nothing = arrays.empty(0, wp.int32, device)
+        self._slots = [
+            [(self.keys[b, v], self.counts[b, v]) for v in range(views.count)]
+            for b in range(buffers)
+        ]
 
-    def draw(self, points_world: Any) -> None:
-        """Clear the buffers and draw a cloud, `wp.array` of `wp.vec3f`, shape (N,)."""
+    def draw(self, points: Points) -> None:
+        """Clear the buffers and draw a cloud."""
+        kernels = self._kernels(points.source)
         self.counts.zero_()
-        if self._device.is_cuda:
+        whole = 0 if self._device.is_cuda else points.whole_blocks
+        work = _Work(points, whole, *kernels)
+        if self._threads == 1 or whole * self._views.count < LEAST_BLOCKS:
             self.keys.fill_(splat.EMPTY_KEY)
-            self._draw_points(points_world, 0)
-            return
-        blocks = points_world.shape[0] // splat_blocks.BLOCK
-        if self._threads == 1 or blocks * self._count < LEAST_BLOCKS:
-            self.keys.fill_(splat.EMPTY_KEY)
-            for view in range(self._count):
-                self._draw_blocks(points_world, view, 0, 0, blocks)
+            for view in range(self._views.count):
+                self._draw_blocks(work, view, 0, 0, whole)
         elif self._by_view:
-            self._share(self._draw_views(points_world, blocks))
+            self._share(self._draw_views(work))
         else:
-            self._share(self._draw_parts(points_world, blocks))
-        self._draw_points(points_world, blocks * splat_blocks.BLOCK)
+            self._share(self._draw_parts(work))
+        self._draw_points(work)
 
-    def _draw_points(self, points_world: Any, first: int) -> None:
-        """Draw the points from `first` on, one by one, into all views."""
-        if points_world.shape[0] > first:
+    def _kernels(self, source: PointSource) -> list[Any]:
+        """The kernels, compiled and loaded: for single points, blocks, and which are in view."""
+        config = splat.SplatConfig(
+            source, self._views.model, self._depth, self._views.has_range_views
+        )
+        kernels = [splat.splat_kernel(config)]
+        if not self._device.is_cuda:
+            kernels += [splat_blocks.block_kernel(config), splat_blocks.cull_kernel(config)]
+        for kernel in kernels:
+            wp.load_module(kernel.module, device=self._device)
+        return kernels
+
+    def _draw_points(self, work: _Work) -> None:
+        """Draw the points behind the whole blocks, one by one, into all views."""
+        first = work.whole_blocks * BLOCK
+        if work.points.count > first:
             wp.launch(
-                self._points_kernel,
-                dim=(self._count, points_world.shape[0] - first),
-                inputs=[*self._views.arrays, points_world, first],
+                work.points_kernel,
+                dim=(self._views.count, work.points.count - first),
+                inputs=[*self._views.arrays, work.points.arrays, first],
                 outputs=[self.keys[0], self.counts[0]],
                 device=self._device,
             )
 
-    def _draw_blocks(self, points: Any, view: int, buffer: int, first: int, count: int) -> None:
+    def _draw_blocks(self, work: _Work, view: int, buffer: int, first: int, blocks: int) -> None:
+        """Draw blocks from `first` on into a buffer, leaving out what the view cannot see."""
         keys, counts = self._slots[buffer][view]
-        if count:
+        views, points, device = self._views.arrays, work.points, self._device
+        seen = self._nothing
+        if points.source.sphere_of is not None and blocks:
+            seen, length = arrays.empty(blocks, wp.int32, device), arrays.empty(1, wp.int32, device)
             wp.launch(
-                self._blocks_kernel,
-                dim=count,
-                inputs=[*self._views.arrays, view, points, first],
+                work.cull_kernel,
+                dim=1,
+                inputs=[views[0], view, points.arrays, first, blocks, points.count],
+                outputs=[seen, length, counts],
+                device=device,
+            )
+            blocks = int(length.numpy()[0])
+        if blocks:
+            wp.launch(
+                work.blocks_kernel,
+                dim=blocks,
+                inputs=[*views, view, points.arrays, seen, first, points.count],
                 outputs=[keys, counts],
-                device=self._device,
+                device=device,
             )
 
-    def _draw_views(self, points: Any, blocks: int) -> Callable[[int], None]:
+    def _draw_views(self, work: _Work) -> Callable[[int], None]:
         """Work of a thread: views of its own, one after the other."""
-        views = _Shared(iter(range(self._count)))
+        views = _Shared(iter(range(self._views.count)))
 
-        def work(thread: int) -> None:
+        def draw(thread: int) -> None:
             for view in views:
-                self.keys[0, view].fill_(splat.EMPTY_KEY)
-                self._draw_blocks(points, view, 0, 0, blocks)
+                self._slots[0][view][0].fill_(splat.EMPTY_KEY)
+                self._draw_blocks(work, view, 0, 0, work.whole_blocks)
 
-        return work
+        return draw
 
-    def _draw_parts(self, points: Any, blocks: int) -> Callable[[int], None]:
+    def _draw_parts(self, work: _Work) -> Callable[[int], None]:
         """Work of a thread: parts of the cloud, into its own buffers of all views."""
-        size = -(-blocks // (self._threads * PARTS_A_THREAD))
+        size = -(-work.whole_blocks // (self._threads * PARTS_A_THREAD))
         parts = _Shared(
-            (view, first) for view in range(self._count) for first in range(0, blocks, size)
+            (view, first)
+            for view in range(self._views.count)
+            for first in range(0, work.whole_blocks, size)
         )
 
-        def work(thread: int) -> None:
+        def draw(thread: int) -> None:
             self.keys[thread].fill_(splat.EMPTY_KEY)
             for view, first in parts:
-                self._draw_blocks(points, view, thread, first, min(size, blocks - first))
+                count = min(size, work.whole_blocks - first)
+                self._draw_blocks(work, view, thread, first, count)
 
-        return work
+        return draw
 
-    def _share(self, work: Callable[[int], None]) -> None:
+    def _share(self, draw: Callable[[int], None]) -> None:
         """Let every thread do its work, and wait for all of them."""
-        for done in [_pool(self._threads).submit(work, thread) for thread in range(self._threads)]:
+        for done in [_pool(self._threads).submit(draw, thread) for thread in range(self._threads)]:
             done.result()
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What all threads of one draw share."""
+
+    points: Points
+    whole_blocks: int
+    points_kernel: Any
+    blocks_kernel: Any = None
+    cull_kernel: Any = None
 
 
 class _Shared:

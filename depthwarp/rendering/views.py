@@ -41,6 +41,8 @@ class DeviceViews:
     Attributes:
         model: The `LensModel` of all of them.
         size: (width, height) [px].
+        count: Number of views V.
+        has_range_views: Whether (8)(9) select the points.
         arrays: `View`s, the model's structs and the lenses' tables: the kernels' first arguments.
 
     Raises:
@@ -69,6 +71,8 @@ class DeviceViews:
             raise InputError("views of one plan must all be of one camera model")
         self.model = models.pop()
         self.size = views[0].camera.size
+        self.count = len(views)
+        self.has_range_views = views[0].line_count > 0
         structs = [
             _view_struct(view, config, lens_limits)
             for view, lens_limits in zip(views, limits, strict=True)

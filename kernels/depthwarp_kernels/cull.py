@@ -8,10 +8,6 @@ import warp as wp
 
 from depthwarp_kernels.view import View
 
-SEEN = wp.constant(0)
-ALL_BEHIND = wp.constant(1)
-ALL_OUTSIDE = wp.constant(2)
-
 
 # view.limits: four planes through the camera's centre, as (y or z part, x part) of their inward
 # normals of length 1: left, right, upper, lower.

@@ -12,6 +12,14 @@ import warp as wp
 
 from depthwarp_kernels.lens import LensModel, z_of
 from depthwarp_kernels.options import EXACT
+from depthwarp_kernels.point_source import (
+    ALL_BEHIND,
+    ALL_OUTSIDE,
+    BLOCK,
+    SEEN,
+    PointSource,
+    camera_sphere,
+)
 from depthwarp_kernels.view import (
     View,
     in_image,
@@ -39,8 +47,9 @@ STATE_MEASURED = wp.constant(wp.uint8(1))
 
 @dataclass(frozen=True)
 class SplatConfig:
-    """What is decided at compile time: the lens, the depth, whether (8)(9) select the points."""
+    """What is decided at compile time: cloud, lens, depth, whether (8)(9) select the points."""
 
+    source: PointSource
     lens: LensModel
     depth: str
     range_view: bool
@@ -92,14 +101,46 @@ def reason_function(config: SplatConfig):
     return reason_of
 
 
+# A block that cannot be in view is counted as a whole, as its points would be one by one: behind
+# if all of it is, outside if all of it is ahead; otherwise it is looked at.
+@cache
+def verdict_function(config: SplatConfig):
+    """The function (view, source, block) that says whether a block has to be looked at."""
+    may_meet = config.lens.may_meet
+    sphere_of = config.source.sphere_of
+    Source = config.source.struct
+
+    @wp.func
+    def verdict_of(view: View, source: Source, block: wp.int32):
+        if wp.static(sphere_of is None):
+            return SEEN
+        else:
+            sphere = camera_sphere(view, sphere_of(source, block))
+            center = wp.vec3f(sphere[0], sphere[1], sphere[2])
+            radius = sphere[3]
+            if not is_finite(center):
+                return SEEN
+            if wp.static(config.ahead_only):
+                if center[0] <= -radius:
+                    return ALL_BEHIND
+                if center[0] <= radius:
+                    return SEEN
+            if may_meet(view, center, radius):
+                return SEEN
+            return ALL_OUTSIDE
+
+    return verdict_of
+
+
 @cache
 def splat_kernel(config: SplatConfig):
     """Kernel that draws points from `first` on into the keys of views; launch over both."""
     depth_of = config.depth_of
-    Lens = config.lens.struct
-    place = config.lens.place
-    project = config.lens.project
+    Lens, Source = config.lens.struct, config.source.struct
+    place, project = config.lens.place, config.lens.project
+    point_at, index_at = config.source.point_at, config.source.index_at
     reason_of = reason_function(config)
+    verdict_of = verdict_function(config)
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
     def splat(
@@ -107,7 +148,7 @@ def splat_kernel(config: SplatConfig):
         views: wp.array[View],
         lenses: wp.array[Lens],
         tables: wp.array[wp.float32],
-        points_world: wp.array[wp.vec3f],
+        source: Source,
         first: wp.int32,
         # Out:
         keys_out: wp.array2d[wp.uint64],
@@ -116,15 +157,19 @@ def splat_kernel(config: SplatConfig):
         v, i = wp.tid()
         i += first
         view = views[v]
+        verdict = verdict_of(view, source, i / wp.static(BLOCK))
+        if verdict != SEEN:
+            count(counts_out, v, wp.where(verdict == ALL_BEHIND, BEHIND, OUTSIDE))
+            return
         lens = lenses[v]
-        p = place(view, lens, tables, points_world[i])
+        p = place(view, lens, tables, point_at(source, i))
         pixel = pixel_of(project(lens, tables, p))
         depth = depth_of(lens, p)
         reason = reason_of(view, p, pixel, depth)
         if reason != DRAWN:
             count(counts_out, v, reason)
             return
-        key = pack_key(depth, i)
+        key = pack_key(depth, index_at(source, i))
         cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
         # A key only ever falls, so a stale read can cost an atomic but never a point.
         if key < keys_out[v, cell]:

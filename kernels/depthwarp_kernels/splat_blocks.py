@@ -1,7 +1,7 @@
 """The splat for CPUs: blocks of points, first projected without branches, then scattered.
 
 The first loop has a fixed length and no branches, so the compiler works on several points at once;
-what is left for the second is one comparison for each point in the image. Same bits as `splat`.
+what is left for the second is one minimum for each point. Same bits and counts as `splat`.
 """
 
 from functools import cache
@@ -9,6 +9,7 @@ from functools import cache
 import warp as wp
 
 from depthwarp_kernels.options import EXACT
+from depthwarp_kernels.point_source import ALL_BEHIND, BLOCK, SEEN
 from depthwarp_kernels.splat import (
     BEHIND,
     DRAWN,
@@ -19,23 +20,66 @@ from depthwarp_kernels.splat import (
     SplatConfig,
     pack_key,
     reason_function,
+    verdict_function,
 )
 from depthwarp_kernels.view import View, pixel_of
 
-BLOCK = 512
-"""Points of a block: their pixels and depths stay in the nearest cache."""
+# What is not drawn goes into spare cells behind the image: a branch there costs more than a store,
+# and several cells more than one, since a store has to wait for the one before it.
+SPARE_CELLS = wp.constant(64)
+
+
+@cache
+def cull_kernel(config: SplatConfig):
+    """Kernel, for one thread, that lists the blocks a view may see and counts the others' points.
+
+    Blocks are those from `first` on, as many as `seen_out` holds places; the cloud holds `count`
+    points.
+    """
+    Source = config.source.struct
+    verdict_of = verdict_function(config)
+
+    @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
+    def cull_blocks(
+        # In:
+        views: wp.array[View],
+        v: wp.int32,
+        source: Source,
+        first: wp.int32,
+        blocks: wp.int32,
+        count: wp.int32,
+        # Out:
+        seen_out: wp.array[wp.int32],
+        length_out: wp.array[wp.int32],
+        counts_out: wp.array[wp.int64],
+    ):
+        view = views[v]
+        length = int(0)
+        for block in range(first, first + blocks):
+            verdict = verdict_of(view, source, block)
+            if verdict == SEEN:
+                seen_out[length] = block
+                length += 1
+            else:
+                held = wp.min(wp.static(BLOCK), count - block * wp.static(BLOCK))
+                why = wp.where(verdict == ALL_BEHIND, BEHIND, OUTSIDE)
+                counts_out[why] = counts_out[why] + wp.int64(held)
+        length_out[0] = length
+
+    return cull_blocks
 
 
 @cache
 def block_kernel(config: SplatConfig):
-    """Kernel that draws whole blocks of points into one key buffer; launch over the blocks.
+    """Kernel that draws blocks of points into one key buffer; launch over the blocks.
 
-    Blocks are counted from `first` on. One launch at a time may write to a buffer.
+    They are those of the list `seen` for a cloud in blocks, or those from `first` on; the cloud
+    holds `count` points. One launch at a time may write to a buffer.
     """
     depth_of = config.depth_of
-    Lens = config.lens.struct
-    place = config.lens.place
-    project = config.lens.project
+    Lens, Source = config.lens.struct, config.source.struct
+    place, project = config.lens.place, config.lens.project
+    point_at, index_at = config.source.point_at, config.source.index_at
     reason_of = reason_function(config)
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
@@ -45,49 +89,57 @@ def block_kernel(config: SplatConfig):
         lenses: wp.array[Lens],
         tables: wp.array[wp.float32],
         v: wp.int32,
-        points_world: wp.array[wp.vec3f],
+        source: Source,
+        seen: wp.array[wp.int32],
         first: wp.int32,
+        count: wp.int32,
         # Out:
         keys_out: wp.array[wp.uint64],
         counts_out: wp.array[wp.int64],
     ):
-        begin = (first + wp.tid()) * wp.static(BLOCK)
+        if wp.static(config.source.sphere_of is None):
+            begin = (first + wp.tid()) * wp.static(BLOCK)
+        else:
+            begin = seen[wp.tid()] * wp.static(BLOCK)
         view = views[v]
         lens = lenses[v]
+        nowhere = view.width * view.height
+        # Coordinates, of which the first two become a point's cell and depth: the fewer arrays,
+        # the less there is to clear and to keep near.
         x = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
         y = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
         z = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
-        cells = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.int32)
-        depths = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
-        not_finite = int(0)
+        for k in range(wp.static(BLOCK)):
+            point = point_at(source, begin + k)
+            x[k] = point[0]
+            y[k] = point[1]
+            z[k] = point[2]
+
+        # What fills up the last block is not finite, and no point.
+        not_finite = wp.min(0, count - begin - wp.static(BLOCK))
         behind = int(0)
         outside = int(0)
         too_far = int(0)
         too_near = int(0)
         for k in range(wp.static(BLOCK)):
-            point = points_world[begin + k]
-            x[k] = point[0]
-            y[k] = point[1]
-            z[k] = point[2]
-        for k in range(wp.static(BLOCK)):
             p = place(view, lens, tables, wp.vec3f(x[k], y[k], z[k]))
             pixel = pixel_of(project(lens, tables, p))
             depth = depth_of(lens, p)
-            reason = reason_of(view, p, pixel, depth)
-            not_finite += wp.where(reason == NOT_FINITE, 1, 0)
-            behind += wp.where(reason == BEHIND, 1, 0)
-            outside += wp.where(reason == OUTSIDE, 1, 0)
-            too_far += wp.where(reason == TOO_FAR, 1, 0)
-            too_near += wp.where(reason == TOO_NEAR, 1, 0)
+            why = reason_of(view, p, pixel, depth)
+            not_finite += wp.where(why == NOT_FINITE, 1, 0)
+            behind += wp.where(why == BEHIND, 1, 0)
+            outside += wp.where(why == OUTSIDE, 1, 0)
+            too_far += wp.where(why == TOO_FAR, 1, 0)
+            too_near += wp.where(why == TOO_NEAR, 1, 0)
             cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
-            cells[k] = wp.where(reason == DRAWN, cell, -1)
-            depths[k] = depth
+            cell = wp.where(why == DRAWN, cell, nowhere + (k & (SPARE_CELLS - 1)))
+            x[k] = wp.cast(cell, wp.float32)
+            y[k] = depth
+
         for k in range(wp.static(BLOCK)):
-            cell_k = wp.int32(cells[k])
-            if cell_k >= 0:
-                key = pack_key(depths[k], begin + k)
-                if key < keys_out[cell_k]:
-                    keys_out[cell_k] = key
+            target = wp.cast(x[k], wp.int32)
+            key = pack_key(y[k], index_at(source, begin + k))
+            keys_out[target] = wp.min(keys_out[target], key)
         counts_out[NOT_FINITE] = counts_out[NOT_FINITE] + wp.int64(not_finite)
         counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(behind)
         counts_out[OUTSIDE] = counts_out[OUTSIDE] + wp.int64(outside)

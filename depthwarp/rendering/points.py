@@ -1,0 +1,47 @@
+"""Points on a device, of a plain cloud or a prepared one, as the splat takes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from depthwarp.prepared import PreparedCloud
+from depthwarp_kernels import point_source
+
+__all__ = ["Points", "points_of"]
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points that a splat draws.
+
+    Attributes:
+        source: What kernels have to know of them at compile time.
+        arrays: The source's struct.
+        count: Points that can be drawn.
+        whole_blocks: Blocks that a kernel may read to their end.
+        not_finite: Points that were left out because a coordinate is not finite.
+    """
+
+    source: point_source.PointSource
+    arrays: Any
+    count: int
+    whole_blocks: int
+    not_finite: int = 0
+
+    @property
+    def total(self) -> int:
+        """All points of the cloud."""
+        return self.count + self.not_finite
+
+
+def points_of(cloud: Any) -> Points:
+    """Points of a prepared cloud, or of a `wp.array` of `wp.vec3f`, shape (N,)."""
+    if isinstance(cloud, PreparedCloud):
+        return Points(
+            point_source.PREPARED, cloud.source, cloud.finite, cloud.blocks, cloud.not_finite
+        )
+    plain: Any = point_source.PlainPoints()
+    plain.points_world = cloud
+    count = cloud.shape[0]
+    return Points(point_source.PLAIN, plain, count, count // point_source.BLOCK)

@@ -1,0 +1,91 @@
+"""Spatial order of a cloud: Morton codes, coordinates taken apart, spheres round blocks."""
+
+import warp as wp
+
+from depthwarp_kernels.options import EXACT
+from depthwarp_kernels.point_source import BLOCK
+from depthwarp_kernels.view import is_finite
+
+wp.set_module_options(EXACT)
+
+AXIS_BITS = 10
+LAST_CODE = wp.constant(0x7FFFFFFF)  # behind all codes: points that are not finite
+
+
+@wp.func
+def spread(bits: wp.int32):
+    """Ten bits with two zeros between each."""
+    b = bits & 0x3FF
+    b = (b | (b << 16)) & 0x030000FF
+    b = (b | (b << 8)) & 0x0300F00F
+    b = (b | (b << 4)) & 0x030C30C3
+    return (b | (b << 2)) & 0x09249249
+
+
+# Launch over points from `first` on. `scale`: cells a metre, the same for all axes.
+@wp.kernel
+def morton_codes(
+    # In:
+    points_world: wp.array[wp.vec3f],
+    lowest: wp.vec3f,
+    scale: wp.float32,
+    first: wp.int32,
+    # Out:
+    codes_out: wp.array[wp.int32],
+    order_out: wp.array[wp.int32],
+):
+    i = first + wp.tid()
+    p = points_world[i]
+    cell = (p - lowest) * scale
+    code = spread(wp.int32(cell[0])) | (spread(wp.int32(cell[1])) << 1)
+    code = code | (spread(wp.int32(cell[2])) << 2)
+    codes_out[i] = wp.where(is_finite(p), code, LAST_CODE)
+    order_out[i] = i
+
+
+# Launch over the places of a prepared cloud from `first` on.
+@wp.kernel
+def take_apart(
+    # In:
+    points_world: wp.array[wp.vec3f],
+    order: wp.array[wp.int32],
+    first: wp.int32,
+    # Out:
+    x_out: wp.array[wp.float32],
+    y_out: wp.array[wp.float32],
+    z_out: wp.array[wp.float32],
+    original_out: wp.array[wp.int32],
+):
+    i = first + wp.tid()
+    original = order[i]
+    p = points_world[original]
+    x_out[i] = p[0]
+    y_out[i] = p[1]
+    z_out[i] = p[2]
+    original_out[i] = original
+
+
+# Launch over blocks from `first` on. The half diagonal of the box, rounded up.
+@wp.kernel
+def block_spheres(
+    # In:
+    x: wp.array[wp.float32],
+    y: wp.array[wp.float32],
+    z: wp.array[wp.float32],
+    first: wp.int32,
+    count: wp.int32,
+    # Out:
+    spheres_out: wp.array[wp.vec4f],
+):
+    block = first + wp.tid()
+    begin = block * wp.static(BLOCK)
+    low = wp.vec3f(x[begin], y[begin], z[begin])
+    high = low
+    for i in range(begin + 1, wp.min(begin + wp.static(BLOCK), count)):
+        p = wp.vec3f(x[i], y[i], z[i])
+        low = wp.min(low, p)
+        high = wp.max(high, p)
+    center = 0.5 * low + 0.5 * high
+    reach = wp.max(high - center, center - low)
+    radius = wp.length(reach) * 1.00001
+    spheres_out[block] = wp.vec4f(center[0], center[1], center[2], radius)
