@@ -31,7 +31,7 @@ def angles_of(
 
 @cache
 def image_kernel(model: LensModel):
-    """Kernel that computes u and v of world points; launch over points."""
+    """Kernel that computes u and v of world points, -1e9 outside the domain."""
     Lens = model.struct
     place = model.place
     project = model.project
@@ -49,7 +49,9 @@ def image_kernel(model: LensModel):
         i = wp.tid()
         lens = lenses[0]
         p = place(views[0], lens, tables, points_world[i])
-        uv_out[i] = project(lens, tables, p)
+        seen = project(lens, tables, p)
+        nowhere = wp.vec2f(-1.0e9, -1.0e9)
+        uv_out[i] = wp.where(seen[2] > 0.0, wp.vec2f(seen[0], seen[1]), nowhere)
 
     return image
 
