@@ -220,9 +220,9 @@ class Camera(ABC):
         if share > 0:
             warnings.warn(
                 f"{type(self).__name__}: no ray reaches {share:.1%} of the {self.width} x "
-                f"{self.height} image, since the lens model folds back there; those pixels stay "
-                "empty. Check the coefficients and their order, or calibrate with views up to the "
-                "corners",
+                f"{self.height} image: the lens model ends or folds back before; those pixels stay "
+                "empty. If the lens does see them, check the coefficients and their order, or "
+                "calibrate with views up to the corners",
                 LensDomainWarning,
                 stacklevel=4,
             )

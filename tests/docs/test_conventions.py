@@ -5,6 +5,7 @@ A test names its sentence; a sentence without a test, or a test without a senten
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 import depthwarp as dw
+from depthwarp.cameras import formats
 from depthwarp.errors import InputError
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "conventions.md"
@@ -56,6 +58,18 @@ def test_every_sentence_has_a_test():
     sentences = re.findall(r"^- (.+)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     assert len(sentences) > 30
     assert list(TESTED) == sentences
+
+
+def test_every_file_format_states_its_convention():
+    """The table of files has a row for each format, with the words of its module."""
+    rows = re.findall(
+        r"^\|[^|]+\| `(\w+)` \| (.+) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    modules = [
+        importlib.import_module(f"depthwarp.cameras.formats.{name}")
+        for name in (*formats.FORMATS, *formats.TRAJECTORIES)
+    ]
+    assert sorted(rows) == sorted((module.NAME, module.CONVENTION) for module in modules)
 
 
 def test_the_picture_is_there():
