@@ -16,7 +16,6 @@ from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.points import Points, points_of
 from depthwarp.rendering.splatting import Splatter
 from depthwarp.rendering.views import DeviceViews, ViewPlan
-from depthwarp_kernels import splat
 
 __all__ = ["RenderPlan"]
 
@@ -84,13 +83,7 @@ class RenderPlan:
         splatter = self._splatter
         points = points_of(cloud)
         splatter.draw(points)
-        wp.launch(
-            splat.resolve,
-            dim=self._flat[0].shape,
-            inputs=[splatter.keys],
-            outputs=[*self._flat, splatter.counts[0]],
-            device=self._device,
-        )
+        splatter.resolve(*self._flat)
         for step in self._filters:
             step()
         self._points = points

@@ -16,6 +16,7 @@ from depthwarp.devices import usable_cores
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.points import Points
 from depthwarp.rendering.views import DeviceViews
+from depthwarp_kernels import resolve as resolving
 from depthwarp_kernels import splat, splat_blocks
 from depthwarp_kernels.point_source import BLOCK, PointSource
 
@@ -46,7 +47,8 @@ class Splatter:
         threads: Threads on a CPU; None for all usable cores.
 
     Attributes:
-        keys: Key buffers, shape (buffers, V, pixels and spare cells), uint64.
+        keys: Key buffers, shape (buffers, V, pixels and spare cells), uint64; after `draw` the
+            first holds the result.
         counts: What became of the points, shape (buffers, V, `COUNT_COLUMNS`), int64.
     """
 
@@ -60,7 +62,9 @@ class Splatter:
         self._by_view = views.count >= self._threads
         buffers = 1 if self._by_view else self._threads
         width, height = views.size
-        cells = width * height + splat_blocks.SPARE_CELLS
+        self._pixels = width * height
+        # Whole blocks of cells, so that they can be merged in blocks.
+        cells = -(-(self._pixels + splat_blocks.SPARE_CELLS) // resolving.BLOCK) * resolving.BLOCK
         self.keys = arrays.empty((buffers, views.count, cells), wp.uint64, device)
         self.counts = arrays.empty((buffers, views.count, splat.COUNT_COLUMNS), wp.int64, device)
         self._nothing = arrays.empty(0, wp.int32, device)
@@ -76,14 +80,49 @@ class Splatter:
         whole = 0 if self._device.is_cuda else points.whole_blocks
         work = _Work(points, whole, *kernels)
         if self._threads == 1 or whole * self._views.count < LEAST_BLOCKS:
-            self.keys.fill_(splat.EMPTY_KEY)
+            self.keys[0].fill_(splat.EMPTY_KEY)
             for view in range(self._views.count):
                 self._draw_blocks(work, view, 0, 0, whole)
         elif self._by_view:
             self._share(self._draw_views(work))
         else:
             self._share(self._draw_parts(work))
+            self._merge()
         self._draw_points(work)
+
+    def resolve(self, depth: Any, index: Any, state: Any) -> None:
+        """Write what the keys hold: depth, index and state, each shape (V, pixels)."""
+        whole = 0 if self._device.is_cuda else self._pixels // resolving.BLOCK
+        maps = depth, index, state
+        if self._pixels > whole * resolving.BLOCK:
+            first = whole * resolving.BLOCK
+            wp.launch(
+                resolving.resolve,
+                dim=(self._views.count, self._pixels - first),
+                inputs=[self.keys[0], first],
+                outputs=[*maps, self.counts[0]],
+                device=self._device,
+            )
+        for view in range(self._views.count if whole else 0):
+            wp.launch(
+                resolving.resolve_blocks,
+                dim=whole,
+                inputs=[self.keys[0, view]],
+                outputs=[*(array[view] for array in maps), self.counts[0, view]],
+                device=self._device,
+            )
+
+    def _merge(self) -> None:
+        """Bring the smallest keys of all threads into the first buffer."""
+        for buffer in range(1, self.keys.shape[0]):
+            for view in range(self._views.count):
+                wp.launch(
+                    resolving.merge_blocks,
+                    dim=self.keys.shape[2] // resolving.BLOCK,
+                    inputs=[self.keys[buffer, view]],
+                    outputs=[self.keys[0, view]],
+                    device=self._device,
+                )
 
     def _kernels(self, source: PointSource) -> list[Any]:
         """The kernels, compiled and loaded: for single points, blocks, and which are in view."""

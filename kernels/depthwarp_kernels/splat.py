@@ -1,4 +1,4 @@
-"""Splat points into a Z-buffer of packed keys, and resolve it into depth, index and state.
+"""Splat points into a Z-buffer of packed keys.
 
 A key is `depth bits << 32 | point index`. The bits of a positive float order like its value, so the
 minimum over keys is the nearest point and, on equal depth, the lowest index, whatever the order
@@ -40,9 +40,6 @@ TOO_FAR = wp.constant(3)
 TOO_NEAR = wp.constant(4)
 DRAWN = wp.constant(5)
 COUNT_COLUMNS = 6
-
-STATE_EMPTY = wp.constant(wp.uint8(0))
-STATE_MEASURED = wp.constant(wp.uint8(1))
 
 
 @dataclass(frozen=True)
@@ -176,30 +173,3 @@ def splat_kernel(config: SplatConfig):
             wp.atomic_min(keys_out, v, cell, key)
 
     return splat
-
-
-# Launch over (views, pixels). `keys` holds one or more buffers of each view, whose smallest key
-# counts: those of several threads, or of several parts of a cloud.
-@wp.kernel
-def resolve(
-    # In:
-    keys: wp.array3d[wp.uint64],
-    # Out:
-    depth_out: wp.array2d[wp.float32],
-    index_out: wp.array2d[wp.int32],
-    state_out: wp.array2d[wp.uint8],
-    counts_out: wp.array2d[wp.int64],
-):
-    v, cell = wp.tid()
-    key = keys[0, v, cell]
-    for buffer in range(1, keys.shape[0]):
-        key = wp.min(key, keys[buffer, v, cell])
-    if key == wp.uint64(EMPTY_KEY):
-        depth_out[v, cell] = 0.0
-        index_out[v, cell] = -1
-        state_out[v, cell] = STATE_EMPTY
-        return
-    depth_out[v, cell] = wp.cast(wp.uint32(key >> wp.uint64(32)), wp.float32)
-    index_out[v, cell] = wp.int32(key & wp.uint64(0xFFFFFFFF))
-    state_out[v, cell] = STATE_MEASURED
-    count(counts_out, v, DRAWN)
