@@ -1,17 +1,20 @@
 """Kill `depthwarp scan` at random moments and resume it: does the same cloud come out?
 
-`python -m benchmarks.kill_scan [KILLS] [SEED]` prints one line.
+`python -m benchmarks.kill_scan [KILLS] [SEED] [--json FILE]` prints one line.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
 import random
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 STOPS = 24
@@ -24,13 +27,13 @@ class Outcome:
 
     Attributes:
         kills: Processes that were killed before they were done.
-        while_scanning: Those of them that left some stops done and some to do.
+        inside_turn: Those of them that had recorded a stop, with stops still to be taken.
         scans: Scans that came to their end.
         equal: Those of them whose cloud has the bytes of the unbroken one.
     """
 
     kills: int = 0
-    while_scanning: int = 0
+    inside_turn: int = 0
     scans: int = 0
     equal: int = 0
 
@@ -83,7 +86,8 @@ def stops_done(folder: Path) -> int:
 def kill_scans(work: Path, kills: int, seed: int) -> Outcome:
     """Scan, kill, resume, until there were enough kills and the last scan is whole.
 
-    Two kills in three come soon after a stop: the turn is short beside start and processing.
+    Four kills in five come soon after a stop: the turn is short beside start and processing. Where
+    the turn is over, every second process may come to its end.
 
     Args:
         work: An empty folder to work in.
@@ -95,11 +99,13 @@ def kill_scans(work: Path, kills: int, seed: int) -> Outcome:
     whole, folder = (work / "whole" / "cloud.ply").read_bytes(), work / "killed"
     while True:
         enough = outcome.kills >= kills
-        soon = not enough and outcome.kills % 3 != 2 and stops_done(folder) < STOPS
-        moment = 600.0 if enough else moments.uniform(0.0, 0.02 if soon else needed)
+        before = stops_done(folder)
+        spared = enough or (before == STOPS and moments.random() < 0.5)
+        soon = not spared and before < STOPS and outcome.kills % 5 != 4
+        moment = 600.0 if spared else moments.uniform(0.0, 0.02 if soon else needed)
         if run_for(folder, moment, after_a_stop=soon):
             outcome.kills += 1
-            outcome.while_scanning += 0 < stops_done(folder) < STOPS
+            outcome.inside_turn += before < stops_done(folder) < STOPS
             continue
         outcome.scans += 1
         outcome.equal += (folder / "cloud.ply").read_bytes() == whole
@@ -108,19 +114,41 @@ def kill_scans(work: Path, kills: int, seed: int) -> Outcome:
         shutil.rmtree(folder)
 
 
+def append_json_line(path: Path, seed: int, outcome: Outcome, seconds: float) -> None:
+    """Append the result to a file."""
+    from benchmarks.measure import machine
+
+    record = {
+        "benchmark": "kill_scan",
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "machine": machine(),
+        "stops": STOPS,
+        "seed": seed,
+        **asdict(outcome),
+        "seconds": round(seconds, 1),
+    }
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(record) + "\n")
+
+
 def main() -> None:
     """Run it and say what came out."""
-    kills = int(sys.argv[1]) if len(sys.argv) > 1 else 50
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 0
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.kill_scan", description=__doc__)
+    parser.add_argument("kills", type=int, nargs="?", default=50)
+    parser.add_argument("seed", type=int, nargs="?", default=0, help="of the moments")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="append the result to FILE")
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as work:
         begun = time.monotonic()
-        outcome = kill_scans(Path(work), kills, seed)
+        outcome = kill_scans(Path(work), options.kills, options.seed)
         seconds = time.monotonic() - begun
     sys.stdout.write(
-        f"{outcome.kills} kills ({outcome.while_scanning} between the first and the last stop), "
+        f"{outcome.kills} kills ({outcome.inside_turn} inside the turn), "
         f"{outcome.scans} scans finished, {outcome.equal} with the bytes of the unbroken one, "
         f"{seconds:.0f} s\n"
     )
+    if options.json is not None:
+        append_json_line(options.json, options.seed, outcome, seconds)
     raise SystemExit(outcome.equal != outcome.scans)
 
 

@@ -2,52 +2,24 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-import depthwarp
+from depthwarp.cli.calibrate_session import plan_shooting, take_pictures
 from depthwarp.cli.guard import BAD_INPUT, run_command
 from depthwarp.cli.options import JsonOption
 from depthwarp.cli.report import Reporter, quiet_warp
-from depthwarp.cli.scan import TWIN, ask_person, cancel_on_signals
 from depthwarp.errors import InputError
 
 if TYPE_CHECKING:
-    from depthwarp.scanner.axis import Axis
     from depthwarp.scanner.calibration import Board, Verdict
-    from depthwarp.scanner.frames import FrameSource, SourceInfo
-    from depthwarp.scanner.plan import ScanPlan
-    from depthwarp.scanner.twin.session import TwinScanner
 
 __all__ = ["calibrate"]
 
 PLACEMENTS = 12
-
-
-@dataclass(frozen=True)
-class Shooting:
-    """What is needed to take the missing placements.
-
-    Attributes:
-        folder: Of all placements.
-        missing: Numbers of the placements to take.
-        board: The board.
-        plan: Exposures and stops; with the twin every place has its own stops unless some are
-            given.
-        has_own_stops: Whether each place's own stops are used.
-    """
-
-    folder: Path
-    missing: list[int]
-    board: Board
-    plan: ScanPlan
-    has_own_stops: bool
 
 
 def calibrate(
@@ -85,7 +57,9 @@ def calibrate(
     exposure: Annotated[float, typer.Option(help="Exposure that shows the board [us].")] = 20_000.0,
     line_exposure: Annotated[
         list[float] | None,
-        typer.Option(help="Exposure for the line [us]; repeat it. 1000 and 100 unless given."),
+        typer.Option(
+            metavar="US", help="Exposure for the line [us]; repeat it. 1000 and 100 unless given."
+        ),
     ] = None,
     gain: Annotated[float, typer.Option(help="Gain [dB].")] = 0.0,
     settle: Annotated[float, typer.Option(help="Standstill before a frame [s].")] = 0.2,
@@ -112,8 +86,9 @@ def calibrate(
     """Calibrate the scanner from pictures of a board, or check a calibration on a wall.
 
     With --axis and --camera the missing pictures are taken first: the board is put up in one place
-    after another, and the head turns in front of it. A run that was broken off goes on at the place
-    where it stood. The result is good, usable or bad in words; a bad one is not written.
+    after another, and the head turns in front of it; space (or p) pauses, with the laser off. A run
+    that was broken off goes on at the place where it stood. The result is good, usable or bad in
+    words; a bad one is not written.
     """
     reporter = Reporter(as_json)
 
@@ -134,11 +109,10 @@ def calibrate(
             if axis is None or camera is None:
                 raise InputError("pictures need both --axis and --camera")
             exposures = (exposure, *(line_exposure or (1000.0, 100.0)))
-            shooting = _shooting(folder, pattern, placements, angles, exposures, gain, settle)
-            if axis == TWIN or camera == TWIN:
-                _take_with_twin(reporter, shooting, axis, camera, twin_scale)
-            else:
-                _take_with_person(reporter, shooting, axis, camera, rotation)
+            shooting = plan_shooting(folder, pattern, placements, angles, exposures, gain, settle)
+            take_pictures(
+                reporter, shooting, axis, camera, rotation=rotation, twin_scale=twin_scale
+            )
         _compute(reporter, folder, output, pattern, max_range)
 
     run_command(reporter, command)
@@ -155,148 +129,6 @@ def _board(folder: Path, text: str | None) -> Board:
         if "board" in recording.settings:
             return parse_board(recording.settings["board"])
     raise InputError(f"{folder} holds no pictures that say their board: give --board")
-
-
-def _shooting(
-    folder: Path,
-    board: Board,
-    placements: int,
-    angles: str | None,
-    exposures: tuple[float, ...],
-    gain: float,
-    settle: float,
-) -> Shooting:
-    from depthwarp.scanner.calibration.capture import DEFAULT_STOPS, recorded_placements
-    from depthwarp.scanner.plan import ScanPlan
-
-    if not 1 <= placements <= 99:
-        raise InputError(f"placements must be 1 to 99, got {placements}")
-    recorded = recorded_placements(folder)
-    missing = [n for n in range(placements) if n not in recorded or recorded[n].remaining]
-    stops = DEFAULT_STOPS if angles is None else _stops(angles)
-    plan = ScanPlan(stops, exposures, gain, settle)
-    return Shooting(folder, missing, board, plan, angles is None)
-
-
-def _stops(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError as error:
-        raise InputError(
-            f"--angles must be numbers separated by commas, as in -30,-15,0,15,30, got '{text}'"
-        ) from error
-
-
-def _take_with_twin(
-    reporter: Reporter, shooting: Shooting, axis: str, camera: str, scale: float
-) -> None:
-    """The twin puts the board up by itself, in a hall."""
-    from depthwarp.scanner.twin.board_hall import BOARD_PLACES, board_renderer
-    from depthwarp.scanner.twin.session import TwinScanner
-
-    if axis != camera:
-        raise InputError("the twin's camera and axis belong together: give both, or neither")
-    if shooting.missing and shooting.missing[-1] >= len(BOARD_PLACES):
-        raise InputError(f"the twin knows {len(BOARD_PLACES)} places for the board, no more")
-    with ExitStack() as stack:
-        twin: TwinScanner = stack.enter_context(TwinScanner(scale))
-        geometry = twin.calibration.geometry
-        info = stack.enter_context(twin.camera).open()
-        head = stack.enter_context(twin.axis)
-        head.reference()
-        width = float(shooting.board.points[:, 0].max())
-        for number in shooting.missing:
-            place = BOARD_PLACES[number]
-            twin.camera.renderer = board_renderer(geometry, shooting.board, place, seed=number)
-            stops = place.angles(width) if shooting.has_own_stops else shooting.plan.angles
-            plan = replace(shooting.plan, angles=stops, settle_s=0.0)
-            _take(reporter, shooting, number, plan, twin.camera, info, head)
-
-
-def _take_with_person(
-    reporter: Reporter, shooting: Shooting, axis: str, camera: str, rotation: int
-) -> None:
-    """A person puts the board up and says when it stands."""
-    from depthwarp.scanner.axes import open_axis
-    from depthwarp.scanner.calibration.capture import where_to_put
-    from depthwarp.scanner.sources import open_source
-
-    if not shooting.missing:
-        return
-    source = open_source(camera, rotation=rotation)
-    motor = open_axis(axis, ask=ask_person, tell=reporter.say)
-    with _leave_on_signals(), source, motor as head:
-        info = source.open()
-        head.reference()
-        for number in shooting.missing:
-            head.move_to(0.0)
-            typer.prompt(
-                f"Place {number + 1}: {where_to_put(number)} Press Enter when it stands still",
-                default="",
-                show_default=False,
-                err=True,
-            )
-            _take(reporter, shooting, number, shooting.plan, source, info, head)
-
-
-@contextmanager
-def _leave_on_signals() -> Iterator[None]:
-    """Ctrl-C and SIGTERM end even a wait for the person, through the exits of axis and camera.
-
-    Raises:
-        ScanCancelledError: Out of what was under way when the signal came.
-    """
-    from depthwarp.scanner.scan import ScanCancelledError
-
-    wanted = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.getsignal(number) for number in wanted}
-
-    def leave(*_: object) -> None:
-        for number in wanted:  # a second signal must not break off the way to a safe machine
-            signal.signal(number, signal.SIG_IGN)
-        raise ScanCancelledError("cancelled; the same command goes on where this one stood")
-
-    for number in wanted:
-        signal.signal(number, leave)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _take(
-    reporter: Reporter,
-    shooting: Shooting,
-    number: int,
-    plan: ScanPlan,
-    source: FrameSource,
-    info: SourceInfo,
-    axis: Axis,
-) -> None:
-    from depthwarp.scanner.calibration.capture import take_placement
-    from depthwarp.scanner.scan import ScanCancelledError, ScanControl
-
-    control = ScanControl()
-    settings = {"depthwarp": depthwarp.__version__, "board": shooting.board.text}
-    text = f"place {number + 1} of the board"
-    with cancel_on_signals(control), reporter.progress("take", text, len(plan.angles)) as update:
-        try:
-            take_placement(
-                shooting.folder,
-                number,
-                plan,
-                source,
-                info,
-                axis,
-                settings=settings,
-                control=control,
-                progress=update,
-            )
-        except ScanCancelledError as error:
-            raise ScanCancelledError(
-                f"cancelled at place {number + 1}; the same command goes on with that place"
-            ) from error
 
 
 def _compute(

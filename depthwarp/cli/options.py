@@ -7,7 +7,10 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["CloudArgument", "DeviceOption", "JsonOption", "OffsetOption"]
+__all__ = ["CloudArgument", "DeviceOption", "JsonOption", "OffsetOption", "TWIN"]
+
+TWIN = "twin"
+"""The axis, and the camera, of the scanner that needs no hardware."""
 
 CloudArgument = Annotated[
     Path,

@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -21,7 +21,61 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-__all__ = ["Reporter"]
+__all__ = ["ProgressLine", "Reporter", "quiet_warp"]
+
+
+class ProgressLine:
+    """How far a long step is; called with the count of what is done.
+
+    On a terminal one line that is drawn again and again, else a line about every tenth of the way.
+
+    Args:
+        console: Where it is shown.
+        text: What is under way.
+        total: The count at the end.
+        is_live: Whether the line may be drawn again; not while a person is asked things.
+    """
+
+    def __init__(self, console: Console, text: str, total: int, *, is_live: bool = True) -> None:
+        self._console, self._text, self._total = console, text, total
+        self._is_live = is_live and console.is_terminal
+        self._tenths = -1
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=None),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+        )
+        self._bar = Progress(*columns, console=console, expand=True, disable=not self._is_live)
+        self._task = self._bar.add_task(escape(text), total=total)
+
+    def __call__(self, done: int) -> None:
+        """Show that so much is done."""
+        self._bar.update(self._task, completed=done)
+        if not self._is_live and done * 10 // self._total > self._tenths:
+            self._tenths = done * 10 // self._total
+            self._console.print(escape(f"{self._text}: {done} of {self._total}"), soft_wrap=True)
+
+    def describe(self, text: str | None = None) -> None:
+        """Say something else of what is under way, or again what was said in the beginning."""
+        if self._is_live:
+            self._bar.update(self._task, description=escape(text or self._text), refresh=True)
+        elif text is not None:
+            self._console.print(escape(text), soft_wrap=True)
+
+    @contextmanager
+    def left_alone(self) -> Iterator[None]:
+        """Let go of the terminal for a while."""
+        self._bar.stop()
+        yield
+        self._bar.start()
+
+    def __enter__(self) -> ProgressLine:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._bar.stop()
 
 
 class Reporter:
@@ -52,32 +106,20 @@ class Reporter:
         self.seconds[name] = round(self.seconds.get(name, 0.0) + took, 4)
 
     @contextmanager
-    def progress(self, name: str, text: str, total: int) -> Iterator[Callable[[int], None]]:
-        """Show how far a long step is, with the time left; give a function that takes the count.
+    def progress(
+        self, name: str, text: str, total: int, *, is_live: bool = True
+    ) -> Iterator[ProgressLine]:
+        """Show how far a long step is, and add how long it took to `seconds[name]` [s].
 
-        Without a terminal a line is written about every tenth of the way.
+        Args:
+            name: Of the step in `seconds`.
+            text: What is under way.
+            total: The count at the end.
+            is_live: See `ProgressLine`.
         """
         start = time.perf_counter()
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-        )
-        with Progress(
-            *columns, console=self._console, disable=not self._console.is_terminal
-        ) as bar:
-            task = bar.add_task(escape(text), total=total)
-            tenths = -1
-
-            def update(done: int) -> None:
-                nonlocal tenths
-                bar.update(task, completed=done)
-                if not self._console.is_terminal and done * 10 // total > tenths:
-                    tenths = done * 10 // total
-                    self.say(f"{text}: {done} of {total}")
-
-            yield update
+        with ProgressLine(self._console, text, total, is_live=is_live) as line:
+            yield line
         took = time.perf_counter() - start
         self.seconds[name] = round(self.seconds.get(name, 0.0) + took, 4)
 

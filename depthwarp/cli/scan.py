@@ -2,41 +2,23 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-import depthwarp
 from depthwarp.cli.guard import run_command
-from depthwarp.cli.options import JsonOption
+from depthwarp.cli.options import TWIN, JsonOption
 from depthwarp.cli.report import Reporter, quiet_warp
-from depthwarp.errors import InputError
+from depthwarp.cli.scan_session import ScanOrder, choose_equipment, take_turn
 
 if TYPE_CHECKING:
-    from depthwarp.scanner.axis import Axis
     from depthwarp.scanner.calibration import ScannerCalibration
-    from depthwarp.scanner.frames import FrameSource
-    from depthwarp.scanner.plan import ScanPlan
     from depthwarp.scanner.recording import Recording
-    from depthwarp.scanner.scan import ScanControl
 
-__all__ = ["ask_person", "cancel_on_signals", "report_cloud", "scan"]
-
-TWIN = "twin"
-
-
-@dataclass(frozen=True)
-class Equipment:
-    """What a scan runs on, and the calibration that goes with it."""
-
-    source: FrameSource
-    axis: Axis
-    calibration: ScannerCalibration
+__all__ = ["report_cloud", "scan"]
 
 
 def scan(
@@ -61,7 +43,9 @@ def scan(
     degrees: Annotated[float, typer.Option(help="Angle that the turn covers [degrees].")] = 360.0,
     exposure: Annotated[
         list[float] | None,
-        typer.Option(help="Exposure [us]; repeat it for a bracket. 2000 unless given."),
+        typer.Option(
+            metavar="US", help="Exposure [us]; repeat it for a bracket. 2000 unless given."
+        ),
     ] = None,
     gain: Annotated[float, typer.Option(help="Gain [dB].")] = 0.0,
     settle: Annotated[float, typer.Option(help="Standstill before a frame [s].")] = 0.05,
@@ -92,8 +76,9 @@ def scan(
 ) -> None:
     """Scan one turn of the head into a recording and a cloud.
 
-    Without hardware, the twin scans a simulated room. Ctrl-C stops the motor, switches the laser
-    off, and leaves a recording that --resume continues.
+    Without hardware, the twin scans a simulated room. Space (or p) pauses after the stop that is
+    under way, with the laser off, and goes on again; Ctrl-Z leaves the scan so, too. Ctrl-C stops
+    the motor, switches the laser off, and leaves a recording that --resume continues.
     """
     reporter = Reporter(as_json)
 
@@ -109,135 +94,21 @@ def scan(
             settle_s=0.0 if axis == TWIN else settle,
             with_off_frame=off_frame,
         )
+        order = ScanOrder(out, plan, position, resume, at_start)
         with ExitStack() as stack:
-            equipment = _equipment(stack, reporter, axis, camera, calibration, rotation, twin_scale)
-            recording = (
-                _continue(stack, reporter, equipment, out)
-                if resume
-                else _begin(stack, equipment, plan, out, position)
+            equipment = choose_equipment(
+                stack,
+                reporter,
+                axis,
+                camera,
+                calibration,
+                rotation=rotation,
+                twin_scale=twin_scale,
             )
-            # A controller that kept its position is believed; one that restarted says so itself.
-            _take(reporter, equipment, recording, reference=not resume or at_start)
+            recording = take_turn(reporter, equipment, order)
         _finish(reporter, recording, equipment.calibration, out)
 
     run_command(reporter, command)
-
-
-def _equipment(
-    stack: ExitStack,
-    reporter: Reporter,
-    axis: str,
-    camera: str,
-    calibration: Path | None,
-    rotation: int,
-    twin_scale: float,
-) -> Equipment:
-    from depthwarp.scanner.axes import open_axis
-    from depthwarp.scanner.calibration import load_calibration
-    from depthwarp.scanner.sources import open_source
-    from depthwarp.scanner.twin.session import TwinScanner
-
-    if (axis == TWIN) != (camera == TWIN):
-        raise InputError("the twin's camera and axis belong together: give both, or neither")
-    if axis == TWIN:
-        with reporter.stage("twin", "building the twin and its room"):
-            twin = stack.enter_context(TwinScanner(twin_scale))
-        known = twin.calibration if calibration is None else load_calibration(calibration)
-        return Equipment(twin.camera, twin.axis, known)
-    if calibration is None:
-        raise InputError("a real scanner needs --calibration FILE; depthwarp calibrate makes one")
-    return Equipment(
-        open_source(camera, rotation=rotation),
-        open_axis(axis, ask=ask_person, tell=reporter.say),
-        load_calibration(calibration),
-    )
-
-
-def ask_person(question: str) -> float | None:
-    """Ask the person at the terminal for a number, until it is one; an empty answer is None."""
-    while True:
-        answer: str = typer.prompt(question, default="", show_default=False, err=True)
-        if not answer.strip():
-            return None
-        try:
-            return float(answer)
-        except ValueError:
-            typer.echo(f"{answer!r} is not a number: type one, or just Enter", err=True)
-
-
-def _begin(
-    stack: ExitStack,
-    equipment: Equipment,
-    plan: ScanPlan,
-    out: Path,
-    position: tuple[float, float, float],
-) -> Recording:
-    """A new recording with the calibration in it."""
-    from depthwarp.scanner.recording import Recording
-
-    info = stack.enter_context(equipment.source).open()
-    equipment.calibration.require_camera(info)
-    settings = {
-        "depthwarp": depthwarp.__version__,
-        "calibration_hash": equipment.calibration.content_hash,
-        "position": list(position),
-    }
-    recording = Recording.create(out, plan, info, settings)
-    equipment.calibration.save(out / "calibration.json")
-    return recording
-
-
-def _continue(stack: ExitStack, reporter: Reporter, equipment: Equipment, out: Path) -> Recording:
-    """The recording in the folder, if camera and calibration are the ones it was begun with."""
-    from depthwarp.scanner.recording import Recording
-
-    recording = Recording.open(out)
-    info = stack.enter_context(equipment.source).open()
-    if info != recording.source:
-        raise InputError(
-            f"{out} was begun with camera {recording.source.name} ({recording.source.serial}), "
-            f"this is {info.name} ({info.serial}): use that one, in the same setting"
-        )
-    equipment.calibration.require_hash(recording.settings["calibration_hash"])
-    reporter.say(
-        f"continuing {out}: {len(recording.finished)} of {len(recording.plan.angles)} stops are "
-        "done; stops, exposures and gain are those that it was begun with"
-    )
-    return recording
-
-
-def _take(
-    reporter: Reporter, equipment: Equipment, recording: Recording, *, reference: bool
-) -> None:
-    """Take the stops that are left; whatever happens, the axis is left safe."""
-    from depthwarp.scanner.scan import ScanControl, run_scan
-
-    control, total = ScanControl(), len(recording.plan.angles)
-    with cancel_on_signals(control), equipment.axis as axis:
-        if reference:
-            axis.reference()
-        with reporter.progress("scan", "scanning", total) as update:
-            run_scan(
-                recording,
-                equipment.source,
-                axis,
-                control=control,
-                progress=lambda progress: update(progress.done),
-            )
-
-
-@contextmanager
-def cancel_on_signals(control: ScanControl) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the scan in order: motor stopped, laser off, recording whole."""
-    wanted = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.getsignal(number) for number in wanted}
-    for number in wanted:
-        signal.signal(number, lambda *_: control.cancel())
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _finish(

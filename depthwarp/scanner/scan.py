@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,6 +20,8 @@ __all__ = ["ScanCancelledError", "ScanControl", "ScanProgress", "run_scan"]
 
 FRAME_TRIES = 3
 """How often a frame is asked for before a late or damaged one ends the scan."""
+
+_LOOK_S = 0.02  # how often a paused scan looks whether to go on
 
 
 class ScanCancelledError(DepthwarpError):
@@ -45,35 +46,75 @@ class ScanProgress:
 
 
 class ScanControl:
-    """Pause, continue and cancel a running scan from another thread or a signal handler."""
+    """Pause, continue and cancel a running scan, from another thread or a signal handler.
+
+    Nothing but plain attributes, looked at often: a lock could be held by the very code that a
+    signal handler interrupts.
+    """
 
     def __init__(self) -> None:
-        self._go = threading.Event()
-        self._go.set()
-        self._cancelled = threading.Event()
+        self._paused = self._resting = self._cancelled = False
+        self._at_rest: list[Callable[[], None]] = []
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether a pause was asked for."""
+        return self._paused
+
+    @property
+    def is_resting(self) -> bool:
+        """Whether the scan has come to the pause: the head stands still, the laser is off."""
+        return self._resting
 
     def pause(self) -> None:
-        """Hold before the next stop; the laser is off meanwhile."""
-        self._go.clear()
+        """Hold after the stop that is under way; the laser is off meanwhile."""
+        self._paused = True
 
     def resume(self) -> None:
         """Go on after `pause`."""
-        self._go.set()
+        self._paused = False
 
     def cancel(self) -> None:
         """End the scan before the next frame."""
-        self._cancelled.set()
-        self._go.set()
+        self._cancelled = True
+
+    def call_at_rest(self, action: Callable[[], None]) -> None:
+        """Have something done, once, by the scan's own thread when it next stands between stops.
+
+        The head stands still and the laser is off then, paused or not.
+        """
+        self._at_rest.append(action)
 
     def check(self) -> None:
-        """Wait while paused.
+        """Go on unless the scan is cancelled.
 
         Raises:
             ScanCancelledError: `cancel` was called.
         """
-        self._go.wait()
-        if self._cancelled.is_set():
+        if self._cancelled:
             raise ScanCancelledError("the scan was cancelled; --resume continues it")
+
+    def hold(self) -> float:
+        """Wait while paused; called where the head stands still and the laser is off.
+
+        Returns:
+            How long the scan was held [s].
+
+        Raises:
+            ScanCancelledError: `cancel` was called, also in the pause.
+        """
+        begun = time.monotonic()
+        try:
+            while not self._cancelled and (self._paused or self._at_rest):
+                self._resting = True
+                if self._at_rest:
+                    self._at_rest.pop(0)()
+                else:
+                    time.sleep(_LOOK_S)
+        finally:
+            self._resting = False
+        self.check()
+        return time.monotonic() - begun
 
 
 def run_scan(
@@ -107,7 +148,7 @@ def run_scan(
     begun = time.monotonic()
     try:
         for taken, number in enumerate(remaining, start=1):
-            control.check()
+            begun += control.hold()
             reported = axis.move_to(plan.angles[number])
             time.sleep(plan.settle_s)
             frames = _take_frames(recording, source, axis, control)
@@ -132,6 +173,7 @@ def _take_frames(
     """The frames of one stop: each exposure without the laser, then each with it.
 
     An exposure has a frame without the laser of its own: ambient light grows with the exposure.
+    What ends this early leaves the laser to the caller's `stop`, which asks nobody to confirm.
     """
     plan = recording.plan
     frames: dict[str, Frame] = {}
@@ -145,10 +187,8 @@ def _take_frames(
         axis.set_laser(False)
         take(off)
     axis.set_laser(True)
-    try:
-        take(lit)
-    finally:
-        axis.set_laser(False)
+    take(lit)
+    axis.set_laser(False)
     return frames
 
 

@@ -8,14 +8,17 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import typer
 
 import depthwarp as dw
-from depthwarp.cli.scan import ask_person
+from depthwarp.cli.steering import ask_person
+from depthwarp.scanner.calibration import load_calibration
 from depthwarp.scanner.recording import Recording
 from tests.cli.conftest import invoke
 
@@ -86,12 +89,36 @@ def test_what_does_not_fit_together_is_refused(scanned, tmp_path):
         (["scan", "-o", scanned, "--resume", "--stops", "12"], "begun with camera"),
         (["scan", "-o", tmp_path / "c", "--stops", "0"], "steps must be"),
         (["scan", "-o", tmp_path / "c", "--twin-scale", "0"], "scale"),
+        (["scan", "-o", tmp_path / "c", "--position", "0", "nan", "0", *SMALL], "--position"),
+        (["scan", "-o", tmp_path / "c", "--at-start", *SMALL], "give --resume"),
         (["replay", tmp_path / "d", "-o", tmp_path / "d.ply"], "holds no scan"),
         (["replay", scanned, "-o", tmp_path / "d.docx"], "unknown suffix"),
     ]
     for arguments, words in cases:
         result = invoke(*arguments)
         assert result.exit_code == 2 and words in result.stderr, (arguments, result.stderr)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_camera_or_a_port_that_does_not_do_leaves_no_scan_behind(scanned, tmp_path):
+    """A grey camera is refused before the turn; a wrong port can be corrected and tried again."""
+    calibration = load_calibration(scanned / "calibration.json")
+    width, height = calibration.camera_size
+    for name, shape, port, words in (
+        ("grey", (height, width), "/dev/null", "gives grey frames"),
+        ("colour", (height, width, 3), tmp_path / "nowhere", "there is no serial port"),
+    ):
+        folder = tmp_path / name
+        folder.mkdir()
+        cv2.imwrite(str(folder / "0.png"), np.zeros(shape, np.uint8))
+        own = replace(calibration, camera_serial=str(folder))
+        own.save(tmp_path / f"{name}.json")
+        result = invoke(
+            *("scan", "-o", tmp_path / "scan", "--axis", f"grbl:{port}"),
+            *("--camera", f"folder:{folder}", "--calibration", tmp_path / f"{name}.json"),
+        )
+        assert result.exit_code == 2 and words in result.stderr, result.stderr
+        assert not (tmp_path / "scan").exists()
 
 
 def test_a_calibration_of_another_scan_is_refused(scanned, tmp_path):

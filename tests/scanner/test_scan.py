@@ -12,6 +12,7 @@ from depthwarp.errors import InputError
 from depthwarp.scanner.axis import AxisAlarmError, AxisLostError, AxisRestartedError
 from depthwarp.scanner.frames import (
     DeviceLostError,
+    Frame,
     FrameTimeoutError,
     IncompleteFrameError,
 )
@@ -99,7 +100,7 @@ def test_a_lost_camera_leaves_the_laser_off(tmp_path):
     source = FakeSource(axis, errors=[None, DeviceLostError("unplugged")])
     with pytest.raises(DeviceLostError, match="unplugged"):
         run_scan(begin(tmp_path, source), source, axis)
-    assert axis.log[-3:] == ["laser on", "laser off", "stop"]
+    assert axis.log[-2:] == ["laser on", "stop"] and not axis.laser
 
 
 def test_a_frame_of_another_size_is_not_recorded(tmp_path):
@@ -144,6 +145,45 @@ def test_pause_holds_the_scan(tmp_path):
     control.resume()
     thread.join(timeout=5)
     assert not thread.is_alive() and recording.remaining == []
+
+
+def test_a_pause_in_the_midst_of_a_stop_finishes_it_first(tmp_path):
+    """Also when it is asked for while the laser is on; what is to be done at rest is done once."""
+    axis, control = FakeAxis(), ScanControl()
+    source = FakeSource(axis)
+    recording = begin(tmp_path, source)
+    seen: list[tuple[bool, bool, int]] = []
+    grab = source.grab
+
+    def grab_and_pause(timeout_s: float) -> Frame:
+        if axis.laser and not recording.finished:
+            control.pause()
+            control.call_at_rest(look)
+        return grab(timeout_s)
+
+    def look() -> None:
+        seen.append((axis.laser, control.is_resting, len(recording.finished)))
+        control.resume()
+
+    source.grab = grab_and_pause  # type: ignore[method-assign]
+    run_scan(recording, source, axis, control=control)
+    assert seen == [(False, True, 1)]
+    assert not control.is_resting and recording.remaining == []
+
+
+def test_time_in_a_pause_is_not_counted_as_pace(tmp_path):
+    """The time left after a pause is what it was before."""
+    axis, control = FakeAxis(), ScanControl()
+    source = FakeSource(axis)
+    seen: list[ScanProgress] = []
+
+    def report(progress: ScanProgress) -> None:
+        seen.append(progress)
+        if progress.done == 2:
+            control.call_at_rest(lambda: time.sleep(0.5))
+
+    run_scan(begin(tmp_path, source), source, axis, control=control, progress=report)
+    assert seen[2].seconds_left < 0.25
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from depthwarp.checks import check_finite_vector
 from depthwarp.scanner.axes.local import LocalAxis
@@ -32,7 +32,7 @@ class ManualAxis(LocalAxis):
     def reference(self) -> None:
         """See `Axis.reference`."""
         self._check()
-        self._ask("The present position of the head is now 0 degrees. Note it, then confirm.")
+        self._ask("The present position of the head is now 0 degrees. Note it, then press Enter.")
         self._angle = 0.0
 
     def move_to(self, degrees: float) -> float:
@@ -44,7 +44,8 @@ class ManualAxis(LocalAxis):
         (target,) = check_finite_vector("degrees", [degrees], 1)
         self._check()
         answer = self._ask(
-            f"Turn the head to {target:g} degrees and let go. Angle reached [degrees]:"
+            f"Turn the head to {target:g} degrees and let go. Angle reached [degrees], just Enter "
+            f"for {target:g}:"
         )
         reached = target if answer is None else float(answer)
         if not math.isfinite(reached):
@@ -65,8 +66,17 @@ class ManualAxis(LocalAxis):
         """See `Axis.set_laser`."""
         self._check()
         self._laser_on = self._laser_on or on
-        self._ask(f"Switch the laser {'on' if on else 'off'}, then confirm.")
+        self._ask(f"Switch the laser {'on' if on else 'off'}, then press Enter.")
         self._laser_on = on
+
+    @contextlib.contextmanager
+    def left_alone(self) -> Iterator[None]:
+        """Have the laser switched off while nobody asks; afterwards as it was before."""
+        if self._laser_on:
+            self._tell("Switch the laser off.")
+        yield
+        if self._laser_on:
+            self._tell("Switch the laser on again.")
 
     def stop(self) -> None:
         """See `Axis.stop`."""
