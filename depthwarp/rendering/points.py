@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
+
+import warp as wp
 
 from depthwarp.prepared import PreparedCloud
 from depthwarp_kernels import point_source
@@ -30,9 +33,24 @@ class Points:
     not_finite: int = 0
 
     @property
+    def block_arrays(self) -> list[Any]:
+        """Coordinates, original rows and plain points, as the kernel for blocks takes them."""
+        if self.source is point_source.PREPARED:
+            own = self.arrays
+            return [own.x, own.y, own.z, own.original, _unused(wp.vec3f)]
+        apart = _unused(wp.float32)
+        return [apart, apart, apart, _unused(wp.int32), self.arrays.points_world]
+
+    @property
     def total(self) -> int:
         """All points of the cloud."""
         return self.count + self.not_finite
+
+
+@cache
+def _unused(dtype: Any) -> Any:
+    """An array in the place of one that a kernel does not read; the kernel wants none empty."""
+    return wp.zeros(1, dtype=dtype, device="cpu")
 
 
 def points_of(cloud: Any) -> Points:

@@ -67,7 +67,7 @@ class Splatter:
         cells = -(-(self._pixels + splat_blocks.SPARE_CELLS) // resolving.BLOCK) * resolving.BLOCK
         self.keys = arrays.empty((buffers, views.count, cells), wp.uint64, device)
         self.counts = arrays.empty((buffers, views.count, splat.COUNT_COLUMNS), wp.int64, device)
-        self._nothing = arrays.empty(0, wp.int32, device)
+        self._nothing = arrays.zeros(1, wp.int32, device)
         self._slots = [
             [(self.keys[b, v], self.counts[b, v]) for v in range(views.count)]
             for b in range(buffers)
@@ -167,7 +167,7 @@ class Splatter:
             wp.launch(
                 work.blocks_kernel,
                 dim=blocks,
-                inputs=[*views, view, points.arrays, seen, first, points.count],
+                inputs=[*views, view, *points.block_arrays, seen, first, points.count],
                 outputs=[keys, counts],
                 device=device,
             )

@@ -80,7 +80,8 @@ class DeviceViews:
         self.arrays: list[Any] = [
             wp.array(structs, dtype=View, device=device),
             wp.array(lenses, dtype=self.model.struct, device=device),
-            arrays.share(np.concatenate(tables), wp.float32, device),
+            # Never empty: of an empty array a compiler does not know that its numbers adjoin.
+            arrays.share(np.concatenate([*tables, [0]]).astype(np.float32), wp.float32, device),
         ]
 
 

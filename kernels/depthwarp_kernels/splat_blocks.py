@@ -73,13 +73,15 @@ def cull_kernel(config: SplatConfig):
 def block_kernel(config: SplatConfig):
     """Kernel that draws blocks of points into one key buffer; launch over the blocks.
 
-    They are those of the list `seen` for a cloud in blocks, or those from `first` on; the cloud
-    holds `count` points. One launch at a time may write to a buffer.
+    They are those of the list `seen` for a prepared cloud, or those from `first` on of a plain one,
+    which comes as `points_world`; the cloud holds `count` points. One launch at a time may write to
+    a buffer. Arrays are arguments, not parts of a struct, and none may be empty: only then does the
+    compiler know that their numbers lie side by side.
     """
     depth_of = config.depth_of
-    Lens, Source = config.lens.struct, config.source.struct
+    is_prepared = config.source.sphere_of is not None
+    Lens = config.lens.struct
     place, project = config.lens.place, config.lens.project
-    point_at, index_at = config.source.point_at, config.source.index_at
     reason_of = reason_function(config)
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
@@ -89,7 +91,11 @@ def block_kernel(config: SplatConfig):
         lenses: wp.array[Lens],
         tables: wp.array[wp.float32],
         v: wp.int32,
-        source: Source,
+        x: wp.array[wp.float32],
+        y: wp.array[wp.float32],
+        z: wp.array[wp.float32],
+        original: wp.array[wp.int32],
+        points_world: wp.array[wp.vec3f],
         seen: wp.array[wp.int32],
         first: wp.int32,
         count: wp.int32,
@@ -97,24 +103,25 @@ def block_kernel(config: SplatConfig):
         keys_out: wp.array[wp.uint64],
         counts_out: wp.array[wp.int64],
     ):
-        if wp.static(config.source.sphere_of is None):
-            begin = (first + wp.tid()) * wp.static(BLOCK)
-        else:
+        if wp.static(is_prepared):
             begin = seen[wp.tid()] * wp.static(BLOCK)
+        else:
+            begin = (first + wp.tid()) * wp.static(BLOCK)
         view = views[v]
         lens = lenses[v]
         nowhere = view.width * view.height
-        # Coordinates, of which the first two become a point's cell and depth: the fewer arrays,
-        # the less there is to clear and to keep near.
-        x = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
-        y = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
-        z = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
-        for k in range(wp.static(BLOCK)):
-            point = point_at(source, begin + k)
-            x[k] = point[0]
-            y[k] = point[1]
-            z[k] = point[2]
-
+        cells = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.int32)
+        depths = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+        if not wp.static(is_prepared):
+            # Taken apart first: the compiler does not do that beside the arithmetic.
+            a = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+            b = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+            c = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+            for k in range(wp.static(BLOCK)):
+                together = points_world[begin + k]
+                a[k] = together[0]
+                b[k] = together[1]
+                c[k] = together[2]
         # What fills up the last block is not finite, and no point.
         not_finite = wp.min(0, count - begin - wp.static(BLOCK))
         behind = int(0)
@@ -122,7 +129,11 @@ def block_kernel(config: SplatConfig):
         too_far = int(0)
         too_near = int(0)
         for k in range(wp.static(BLOCK)):
-            p = place(view, lens, tables, wp.vec3f(x[k], y[k], z[k]))
+            if wp.static(is_prepared):
+                point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
+            else:
+                point = wp.vec3f(a[k], b[k], c[k])
+            p = place(view, lens, tables, point)
             pixel = pixel_of(project(lens, tables, p))
             depth = depth_of(lens, p)
             why = reason_of(view, p, pixel, depth)
@@ -133,12 +144,15 @@ def block_kernel(config: SplatConfig):
             too_near += wp.where(why == TOO_NEAR, 1, 0)
             cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
             cell = wp.where(why == DRAWN, cell, nowhere + (k & (SPARE_CELLS - 1)))
-            x[k] = wp.cast(cell, wp.float32)
-            y[k] = depth
+            cells[k] = cell
+            depths[k] = depth
 
         for k in range(wp.static(BLOCK)):
-            target = wp.cast(x[k], wp.int32)
-            key = pack_key(y[k], index_at(source, begin + k))
+            target = wp.int32(cells[k])
+            if wp.static(is_prepared):
+                key = pack_key(depths[k], original[begin + k])
+            else:
+                key = pack_key(depths[k], begin + k)
             keys_out[target] = wp.min(keys_out[target], key)
         counts_out[NOT_FINITE] = counts_out[NOT_FINITE] + wp.int64(not_finite)
         counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(behind)
