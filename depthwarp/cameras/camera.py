@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import warnings
 from abc import ABC, abstractmethod
+from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
@@ -47,14 +48,11 @@ class DeviceLens(NamedTuple):
         model: A `depthwarp_kernels.lens.LensModel`.
         numbers: Instance of the model's struct.
         table: Further numbers, shape (M,), float32; empty for most models.
-        limits: At most 8 numbers of what the lens can see at most, as the model's `may_meet` takes
-            them; empty where it takes none.
     """
 
     model: Any
     numbers: Any
     table: npt.NDArray[np.float32]
-    limits: tuple[float, ...] = ()
 
 
 class Camera(ABC):
@@ -102,6 +100,11 @@ class Camera(ABC):
     def size(self) -> tuple[int, int]:
         """Image size (width, height) [px]."""
         return self.width, self.height
+
+    @cached_property
+    def cull_limits(self) -> tuple[float, ...]:
+        """At most 8 numbers: what the lens sees at most, as its model's `may_meet` reads them."""
+        return ()
 
     def with_pose(self: AnyCamera, pose: Pose) -> AnyCamera:
         """The same lens at another place."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -105,6 +106,11 @@ class DoubleSphereCamera(Camera):
         ray[~(ray[..., 0] > self.least_cosine)] = np.nan
         return ray
 
+    @cached_property
+    def cull_limits(self) -> tuple[float, ...]:
+        """What the lens sees at most; see `Camera.cull_limits`."""
+        return cone_limits(self, math.acos(max(self.least_cosine, -1.0)))
+
     def device_lens(self, first: int = 0) -> DeviceLens:
         """The lens as kernels take it; see `Camera.device_lens`."""
         from depthwarp_kernels import lens_fisheye
@@ -113,5 +119,4 @@ class DoubleSphereCamera(Camera):
         numbers.fx, numbers.fy, numbers.cx, numbers.cy = self.fx, self.fy, self.cx, self.cy
         numbers.xi, numbers.alpha = self.xi, self.alpha
         numbers.least_cosine = self.least_cosine
-        limits = cone_limits(self, math.acos(max(self.least_cosine, -1.0)))
-        return DeviceLens(lens_fisheye.DOUBLE_SPHERE, numbers, np.empty(0, np.float32), limits)
+        return DeviceLens(lens_fisheye.DOUBLE_SPHERE, numbers, np.empty(0, np.float32))

@@ -149,6 +149,11 @@ class FisheyeCamera(Camera):
             aside = np.where(bent > 0, np.sin(theta) / np.where(bent > 0, bent, 1.0), theta)
         return np.stack([np.cos(theta), -right * aside, -down * aside], axis=-1)
 
+    @cached_property
+    def cull_limits(self) -> tuple[float, ...]:
+        """What the lens sees at most; see `Camera.cull_limits`."""
+        return cone_limits(self, self.max_angle)
+
     def device_lens(self, first: int = 0) -> DeviceLens:
         """The lens as kernels take it; see `Camera.device_lens`."""
         from depthwarp_kernels import lens_fisheye
@@ -157,8 +162,7 @@ class FisheyeCamera(Camera):
         numbers.fx, numbers.fy, numbers.cx, numbers.cy = self.fx, self.fy, self.cx, self.cy
         numbers.k1, numbers.k2, numbers.k3, numbers.k4 = self.distortion
         numbers.max_angle = self.max_angle
-        limits = cone_limits(self, self.max_angle)
-        return DeviceLens(lens_fisheye.FISHEYE, numbers, np.empty(0, np.float32), limits)
+        return DeviceLens(lens_fisheye.FISHEYE, numbers, np.empty(0, np.float32))
 
     def _bend(self, theta: Float64Array) -> Float64Array:
         k1, k2, k3, k4 = self.distortion

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -113,6 +114,12 @@ class OrthographicCamera(Camera):
         axis: Float64Array = np.broadcast_to((1.0, 0.0, 0.0), (*shape, 3)).copy()
         return axis
 
+    @cached_property
+    def cull_limits(self) -> tuple[float, ...]:
+        """Half the image and a pixel more, in y and z [m]; see `Camera.cull_limits`."""
+        y, z = (0.5 * (side + 2) * self.pixel_size for side in self.size)
+        return -y, y, -z, z
+
     def device_lens(self, first: int = 0) -> DeviceLens:
         """The lens as kernels take it; see `Camera.device_lens`."""
         from depthwarp_kernels import lens_pinhole
@@ -120,7 +127,4 @@ class OrthographicCamera(Camera):
         numbers: Any = lens_pinhole.PinholeLens()
         numbers.fx = numbers.fy = 1 / self.pixel_size
         numbers.cx, numbers.cy = self.cx, self.cy
-        # Half the image and a pixel more.
-        y, z = (0.5 * (side + 2) * self.pixel_size for side in self.size)
-        limits = (-y, y, -z, z)
-        return DeviceLens(lens_pinhole.ORTHOGRAPHIC, numbers, np.empty(0, np.float32), limits)
+        return DeviceLens(lens_pinhole.ORTHOGRAPHIC, numbers, np.empty(0, np.float32))

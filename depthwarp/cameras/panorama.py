@@ -6,6 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -124,7 +125,8 @@ class _Panorama(Camera):
         numbers.least_v, numbers.most_v = self.row_limits()
         return numbers
 
-    def limits(self) -> tuple[float, ...]:
+    @cached_property
+    def cull_limits(self) -> tuple[float, ...]:
         """Cosine and sine of the lowest and of the highest elevation, a pixel and more beyond."""
         low, high = (math.radians(angle) for angle in self.elevations)
         wider = 0.01 + (high - low) / self.height
@@ -193,9 +195,7 @@ class EquirectangularCamera(_Panorama):
         """The lens as kernels take it; see `Camera.device_lens`."""
         from depthwarp_kernels import lens_panorama
 
-        return DeviceLens(
-            lens_panorama.EQUIRECTANGULAR, self.numbers(), np.empty(0, np.float32), self.limits()
-        )
+        return DeviceLens(lens_panorama.EQUIRECTANGULAR, self.numbers(), np.empty(0, np.float32))
 
 
 @dataclass(frozen=True)
@@ -250,6 +250,4 @@ class CylindricalCamera(_Panorama):
         """The lens as kernels take it; see `Camera.device_lens`."""
         from depthwarp_kernels import lens_panorama
 
-        return DeviceLens(
-            lens_panorama.CYLINDRICAL, self.numbers(), np.empty(0, np.float32), self.limits()
-        )
+        return DeviceLens(lens_panorama.CYLINDRICAL, self.numbers(), np.empty(0, np.float32))

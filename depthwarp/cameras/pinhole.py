@@ -185,6 +185,11 @@ class PinholeCamera(Camera):
         unit: Float64Array = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
         return unit
 
+    @cached_property
+    def cull_limits(self) -> tuple[float, ...]:
+        """What the lens sees at most; see `Camera.cull_limits`."""
+        return plane_limits(self)
+
     def device_lens(self, first: int = 0) -> DeviceLens:
         """The lens as kernels take it; see `Camera.device_lens`."""
         import warp as wp
@@ -206,7 +211,7 @@ class PinholeCamera(Camera):
             full.prism = wp.vec4f(lens.s1, lens.s2, lens.s3, lens.s4)
             full.tilt = wp.mat33f(*lens.tilt.ravel().tolist())
             numbers = full
-        return DeviceLens(model, numbers, np.empty(0, np.float32), plane_limits(self))
+        return DeviceLens(model, numbers, np.empty(0, np.float32))
 
 
 def intrinsics_of(K: npt.ArrayLike) -> tuple[float, float, float, float]:

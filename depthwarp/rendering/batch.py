@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from depthwarp.cameras import Camera, DepthKind
@@ -15,9 +15,12 @@ from depthwarp.prepared import PreparedCloud
 from depthwarp.range_view import RangeView
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.inputs import device_of, device_points, view_plan
-from depthwarp.rendering.plan import RenderPlan
+from depthwarp.rendering.plan import MAP_BYTES, RenderPlan
 
 __all__ = ["render_batch"]
+
+TILE_BYTES = 1 << 28
+"""Buffers of the views that are drawn together [bytes]."""
 
 
 def render_batch(
@@ -77,7 +80,16 @@ def render_batch(
         groups.setdefault(key, []).append(number)
     maps: dict[int, DepthMap] = {}
     for numbers in groups.values():
-        together = RenderPlan([plans[number] for number in numbers], config, target)
-        together.render(device_points(seen[numbers[0]], target))
-        maps.update(zip(numbers, together.depth_maps(), strict=True))
+        points = device_points(seen[numbers[0]], target)
+        for tile in _tiles(numbers, plans[numbers[0]].camera.size):
+            together = RenderPlan([plans[number] for number in tile], config, target)
+            together.render(points)
+            maps.update(zip(tile, together.depth_maps(), strict=True))
     return DepthMaps([maps[number] for number in range(len(views))])
+
+
+def _tiles(numbers: Sequence[int], size: tuple[int, int]) -> Iterator[Sequence[int]]:
+    """Views in groups whose buffers stay small beside their results."""
+    most = max(1, TILE_BYTES // (MAP_BYTES * size[0] * size[1]))
+    for first in range(0, len(numbers), most):
+        yield numbers[first : first + most]

@@ -17,7 +17,7 @@ from depthwarp.rendering.points import Points, points_of
 from depthwarp.rendering.splatting import Splatter
 from depthwarp.rendering.views import DeviceViews, ViewPlan
 
-__all__ = ["RenderPlan"]
+__all__ = ["MAP_BYTES", "RenderPlan"]
 
 MAP_BYTES = 8 + 4 + 4 + 1  # a pixel: key, depth, index, state
 
@@ -87,6 +87,15 @@ class RenderPlan:
         for step in self._filters:
             step()
         self._points = points
+
+    def look_from(self, views: Sequence[ViewPlan]) -> None:
+        """Look from elsewhere: as many views, of the same camera model and size.
+
+        Raises:
+            InputError: Another number of views, another model or size.
+        """
+        self._views.replace(views)
+        self._cameras = [view.camera for view in views]
 
     def depth_maps(self) -> list[DepthMap]:
         """The maps of the last `render`, copied to the host; waits for the device."""

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from depthwarp import arrays
 from depthwarp.cameras import Camera
 from depthwarp.errors import InputError
 from depthwarp.rendering.config import RenderConfig
-from depthwarp_kernels.view import Limits, View
+from depthwarp_kernels.view import View
 
 __all__ = ["DeviceViews", "ViewPlan"]
 
@@ -56,45 +55,60 @@ class DeviceViews:
                 "views must be at least one, all of one image size, all with or all without "
                 "segmentation"
             )
-        lenses: list[Any] = []
-        tables: list[np.ndarray[Any, np.dtype[np.float32]]] = []
-        limits: list[tuple[float, ...]] = []
-        models = set()
-        for view in views:
-            view.camera.check_kind(config.depth)
-            lens = view.camera.device_lens(first=sum(map(len, tables)))
-            models.add(lens.model)
-            lenses.append(lens.numbers)
-            tables.append(lens.table)
-            limits.append(lens.limits)
-        if len(models) != 1:
-            raise InputError("views of one plan must all be of one camera model")
-        self.model = models.pop()
+        self._config = config
         self.size = views[0].camera.size
         self.count = len(views)
         self.has_range_views = views[0].line_count > 0
-        structs = [
-            _view_struct(view, config, lens_limits)
-            for view, lens_limits in zip(views, limits, strict=True)
-        ]
+        self.model = views[0].camera.device_lens().model
+        numbers, lenses, table = self._host_arrays(views)
         self.arrays: list[Any] = [
-            wp.array(structs, dtype=View, device=device),
+            wp.array(numbers, dtype=View, device=device),
             wp.array(lenses, dtype=self.model.struct, device=device),
-            # Never empty: of an empty array a compiler does not know that its numbers adjoin.
-            arrays.share(np.concatenate([*tables, [0]]).astype(np.float32), wp.float32, device),
+            wp.array(table, dtype=wp.float32, device=device),
         ]
 
+    def replace(self, views: Sequence[ViewPlan]) -> None:
+        """Look from elsewhere: as many views of the same model and size.
 
-def _view_struct(plan: ViewPlan, config: RenderConfig, limits: tuple[float, ...]) -> Any:
+        Raises:
+            InputError: Another number of views, another model or size.
+        """
+        same = {(view.camera.size, view.line_count > 0) for view in views}
+        if len(views) != self.count or same != {(self.size, self.has_range_views)}:
+            raise InputError(
+                f"a plan of {self.count} views of {self.size[0]} x {self.size[1]} px can only look "
+                "from elsewhere with as many of that size: make another plan"
+            )
+        for array, values in zip(self.arrays, self._host_arrays(views), strict=True):
+            array.assign(values)
+
+    def _host_arrays(self, views: Sequence[ViewPlan]) -> tuple[Any, Any, Any]:
+        """Views, lenses and tables as NumPy arrays."""
+        struct: Any = View
+        numbers = np.zeros(len(views), struct.numpy_dtype())
+        lenses: list[Any] = []
+        tables: list[np.ndarray[Any, np.dtype[np.float32]]] = []
+        for row, view in zip(numbers, views, strict=True):
+            view.camera.check_kind(self._config.depth)
+            lens = view.camera.device_lens(first=sum(map(len, tables)))
+            if lens.model is not self.model:
+                raise InputError("views of one plan must all be of one camera model")
+            lenses.append(lens.numbers)
+            tables.append(lens.table)
+            _fill(row, view, self._config)
+        # Never empty: of an empty array a compiler does not know that its numbers adjoin.
+        table = np.concatenate([*tables, [0]]).astype(np.float32)
+        return numbers, wp.array(lenses, dtype=self.model.struct, device="cpu").numpy(), table
+
+
+def _fill(row: Any, plan: ViewPlan, config: RenderConfig) -> None:
+    """Write a view's numbers into a record of the `View` struct."""
     camera, pose = plan.camera, plan.camera.pose
-    view: Any = View()
-    view.rotation = wp.mat33f(*pose.rotation.ravel().tolist())
-    view.position = wp.vec3f(*pose.position)
-    view.shift = wp.vec3f(*pose.shift)
-    view.width, view.height = camera.size
-    view.min_range = config.min_range
-    view.max_range = min(config.max_range, FLOAT32_MAX)  # a range that overflows is too far
-    view.line_count = plan.line_count
-    view.steps = wp.vec3f(*plan.steps)
-    view.limits = Limits(*limits, *[0.0] * (8 - len(limits)))
-    return view
+    row["rotation"] = pose.camera_from_world
+    row["position"], row["shift"] = pose.position, pose.shift
+    row["width"], row["height"] = camera.size
+    row["min_range"] = config.min_range
+    row["max_range"] = min(config.max_range, FLOAT32_MAX)  # a range that overflows is too far
+    row["line_count"], row["steps"] = plan.line_count, plan.steps
+    limits = camera.cull_limits
+    row["limits"][: len(limits)] = limits
