@@ -26,8 +26,9 @@ if TYPE_CHECKING:
     from depthwarp.depth_map import DepthMap, RenderStats, State
     from depthwarp.depth_maps import DepthMaps
     from depthwarp.io import read
+    from depthwarp.prepared import PreparedCloud
     from depthwarp.range_view import RangeView
-    from depthwarp.rendering import render, render_batch
+    from depthwarp.rendering import Renderer, render, render_batch
 
 __all__ = [
     "Camera",
@@ -41,8 +42,10 @@ __all__ = [
     "PinholeCamera",
     "PointCloud",
     "Pose",
+    "PreparedCloud",
     "RangeView",
     "RenderStats",
+    "Renderer",
     "SpinningLidar",
     "State",
     "cameras",
@@ -69,8 +72,10 @@ _MODULE_OF_NAME = {
     "PinholeCamera": "depthwarp.cameras",
     "PointCloud": "depthwarp.cloud",
     "Pose": "depthwarp.cameras",
+    "PreparedCloud": "depthwarp.prepared",
     "RangeView": "depthwarp.range_view",
     "RenderStats": "depthwarp.depth_map",
+    "Renderer": "depthwarp.rendering",
     "SpinningLidar": "depthwarp.cameras",
     "State": "depthwarp.depth_map",
     "read": "depthwarp.io",

@@ -3,7 +3,8 @@
 from depthwarp.rendering.batch import render_batch
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.plan import RenderPlan
+from depthwarp.rendering.renderer import Renderer
 from depthwarp.rendering.single import render
 from depthwarp.rendering.views import ViewPlan
 
-__all__ = ["RenderConfig", "RenderPlan", "ViewPlan", "render", "render_batch"]
+__all__ = ["RenderConfig", "RenderPlan", "Renderer", "ViewPlan", "render", "render_batch"]

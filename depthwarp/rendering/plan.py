@@ -16,6 +16,7 @@ from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.points import Points, points_of
 from depthwarp.rendering.splatting import Splatter
 from depthwarp.rendering.views import DeviceViews, ViewPlan
+from depthwarp_kernels import poses as pose_kernels
 
 __all__ = ["MAP_BYTES", "RenderPlan"]
 
@@ -96,6 +97,22 @@ class RenderPlan:
         """
         self._views.replace(views)
         self._cameras = [view.camera for view in views]
+
+    def look_from_device(self, optical_from_world: Any) -> None:
+        """Look from poses that are on the device, `wp.array` of `wp.mat44f`, shape (V,)."""
+        views = self._views.arrays[0]
+        wp.launch(
+            pose_kernels.look_from,
+            dim=views.shape,
+            inputs=[optical_from_world],
+            outputs=[views],
+            device=self._device,
+        )
+
+    @property
+    def maps(self) -> DeviceMaps:
+        """The maps of the last `render`, on the device."""
+        return self._maps
 
     def depth_maps(self) -> list[DepthMap]:
         """The maps of the last `render`, copied to the host; waits for the device."""
