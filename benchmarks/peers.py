@@ -68,6 +68,18 @@ class Plan:
         return self._plan.depth_maps()[0].depth
 
 
+class Prepared(Plan):
+    """The same with a cloud in spatial order, `cloud.prepare()`, made before."""
+
+    name = "prepared"
+
+    def prepare(
+        self, points_world: Float32Array, camera: dw.PinholeCamera, max_range: float
+    ) -> None:
+        super().prepare(points_world, camera, max_range)
+        self._points = dw.PointCloud(points_world).prepare(device=self.device)
+
+
 class OneCall:
     """`dw.render`, from a cloud on the host to a `DepthMap` on the host, nothing kept between."""
 
@@ -170,12 +182,20 @@ class Open3D:
 
 def installed_peers(device: str) -> tuple[list[Peer], list[str]]:
     """The peers that this machine has, depthwarp first, and a line on each that it has not."""
-    peers: list[Peer] = [Plan(device), OneCall(device), NumPy()]
-    try:
-        peers.append(Open3D())
-    except ImportError as error:
-        return peers, [f"Open3D is left out: {error} (pip install open3d)"]
-    return peers, []
+    peers: list[Peer] = [Plan(device), Prepared(device), OneCall(device), NumPy()]
+    left_out = []
+    for name, make in (("numba", _numba), ("open3d", Open3D)):
+        try:
+            peers.append(make())
+        except ImportError as error:
+            left_out.append(f"{name} is left out: {error} (pip install {name})")
+    return peers, left_out
+
+
+def _numba() -> Peer:
+    from benchmarks.numba_peer import Numba
+
+    return Numba()
 
 
 def count_differing_pixels(image: Float32Array, reference: Float32Array) -> int:
