@@ -14,7 +14,7 @@ from depthwarp.devices import check_memory
 from depthwarp.filters import DeviceMaps
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.points import Points, points_of
-from depthwarp.rendering.splatting import Splatter
+from depthwarp.rendering.splatting import Splatter, buffer_count
 from depthwarp.rendering.views import DeviceViews, ViewPlan
 from depthwarp_kernels import poses as pose_kernels
 
@@ -53,9 +53,10 @@ class RenderPlan:
         width, height = self._views.size
         shape = (len(views), height, width)
         scratch = sum(step.scratch_bytes for step in config.filters)
+        buffers = buffer_count(len(views), device, threads)
         check_memory(
             f"a depth map of {width} x {height} pixels",
-            len(views) * height * width * (MAP_BYTES + scratch),
+            len(views) * height * width * (MAP_BYTES + scratch + 8 * (buffers - 1)),
             device,
             "choose a smaller size, or a larger q_depth_map",
         )
@@ -75,7 +76,8 @@ class RenderPlan:
     def render(self, cloud: Any) -> None:
         """Draw a cloud into all views.
 
-        Allocates nothing and does not synchronize: graph-capture safe once its kernels are loaded.
+        On CUDA it allocates nothing and does not synchronize: graph-capture safe once its kernels
+        are loaded. On a CPU all cores work, and it returns when they are done.
 
         Args:
             cloud: Points [m], `wp.array` of `wp.vec3f`, shape (N,), or a `PreparedCloud`; on the

@@ -20,7 +20,7 @@ from depthwarp_kernels import resolve as resolving
 from depthwarp_kernels import splat, splat_blocks
 from depthwarp_kernels.point_source import BLOCK, PointSource
 
-__all__ = ["Splatter"]
+__all__ = ["Splatter", "buffer_count"]
 
 LEAST_BLOCKS = 128
 """Blocks of points from which a second thread pays for its buffer."""
@@ -32,6 +32,18 @@ PARTS_A_THREAD = 8
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="depthwarp")
+
+
+def _thread_count(device: Any, threads: int | None) -> int:
+    if device.is_cuda:
+        return 1
+    return usable_cores() if threads is None else threads
+
+
+def buffer_count(views: int, device: Any, threads: int | None = None) -> int:
+    """Key buffers of a view: one a thread, unless there are views enough for one a thread."""
+    count = _thread_count(device, threads)
+    return 1 if views >= count else count
 
 
 class Splatter:
@@ -56,11 +68,9 @@ class Splatter:
         self, views: DeviceViews, config: RenderConfig, device: Any, threads: int | None = None
     ) -> None:
         self._views, self._device, self._depth = views, device, config.depth
-        wanted = usable_cores() if threads is None else threads
-        self._threads = 1 if device.is_cuda else wanted
-        # Views enough for all threads are drawn one a thread, straight into the views' own keys.
-        self._by_view = views.count >= self._threads
-        buffers = 1 if self._by_view else self._threads
+        self._threads = _thread_count(device, threads)
+        buffers = buffer_count(views.count, device, threads)
+        self._by_view = buffers == 1
         width, height = views.size
         self._pixels = width * height
         # Whole blocks of cells, so that they can be merged in blocks.
