@@ -15,6 +15,8 @@ from depthwarp import arrays
 from depthwarp.devices import free_memory, resolve_device
 from depthwarp.errors import CapacityError, DeviceError, InputError
 from depthwarp.rendering import RenderConfig, RenderPlan, ViewPlan
+from depthwarp.rendering.plan import MAP_BYTES
+from depthwarp.rendering.splatting import buffer_count
 from tests.reference import projection, rotation, segmentation, zbuffer
 from tests.rendering.strategies import (
     ahead_of,
@@ -702,7 +704,9 @@ def test_filters_count_in_the_memory_of_a_map(device, monkeypatch):
     """A map that just fits does not with the filters' working memory."""
     camera = dw.PinholeCamera.from_fov((60, 45), (100, 100))
     cloud = dw.PointCloud(np.ones((1, 3)))
-    monkeypatch.setattr("depthwarp.devices.free_memory", lambda device: 100 * 100 * 20)
+    buffers = buffer_count(1, resolve_device(device))
+    enough = 100 * 100 * (MAP_BYTES + 8 * (buffers - 1) + 3)
+    monkeypatch.setattr("depthwarp.devices.free_memory", lambda device: enough)
     dw.render(cloud, camera, device=device)
     with pytest.raises(CapacityError):
         dw.render(cloud, camera, filters=dw.filters.paper(), device=device)
