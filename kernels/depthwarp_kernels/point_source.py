@@ -18,6 +18,11 @@ ALL_OUTSIDE = wp.constant(2)
 # What rounding can move a point by in the camera frame, in parts of the numbers that go in.
 ROUNDING = wp.constant(wp.float32(4.0e-6))
 
+# Sizes [m] whose squares float32 cannot hold: lenses draw such points anywhere, so a block below
+# the one is never smaller, and a block beyond the other has no end.
+SMALLEST = wp.constant(wp.float32(1.0e-15))
+LARGEST = wp.constant(wp.float32(1.0e18))
+
 
 @dataclass(frozen=True)
 class PointSource:
@@ -100,4 +105,5 @@ def camera_sphere(view: View, sphere: wp.vec4f):
     center_world = wp.vec3f(sphere[0], sphere[1], sphere[2])
     center = to_camera(center_world, view.rotation, view.position, view.shift)
     size = largest(center_world) + largest(view.position) + largest(view.shift) + sphere[3]
-    return wp.vec4f(center[0], center[1], center[2], sphere[3] + ROUNDING * size)
+    radius = wp.where(size < LARGEST, sphere[3] + (ROUNDING * size + SMALLEST), wp.inf)
+    return wp.vec4f(center[0], center[1], center[2], radius)
