@@ -72,7 +72,7 @@ def plan_shooting(
     from depthwarp.scanner.plan import ScanPlan
 
     if not 1 <= placements <= 99:
-        raise InputError(f"placements must be 1 to 99, got {placements}")
+        raise InputError(f"--placements must be 1 to 99, got {placements}")
     recorded = recorded_placements(folder)
     missing = [n for n in range(placements) if n not in recorded or recorded[n].remaining]
     stops = DEFAULT_STOPS if angles is None else _stops(angles)
@@ -152,6 +152,7 @@ def _take_with_person(
     """A person puts the board up and says when it stands."""
     from depthwarp.scanner.axes import open_axis
     from depthwarp.scanner.calibration.capture import where_to_put
+    from depthwarp.scanner.calibration.views import place_name
     from depthwarp.scanner.sources import open_source
 
     if not shooting.missing:
@@ -165,7 +166,8 @@ def _take_with_person(
         for number in shooting.missing:
             head.move_to(0.0)
             wait_for_person(
-                f"Place {number + 1}: {where_to_put(number)} Press Enter when it stands still."
+                f"For {place_name(number)}: {where_to_put(number)} Press Enter when it stands "
+                "still."
             )
             _take(reporter, shooting, number, shooting.plan, source, info, head)
 
@@ -180,12 +182,13 @@ def _take(
     axis: Axis,
 ) -> None:
     from depthwarp.scanner.calibration.capture import take_placement
+    from depthwarp.scanner.calibration.views import place_name
     from depthwarp.scanner.scan import ScanCancelledError, ScanControl
 
     control = ScanControl()
     settings = {"depthwarp": depthwarp.__version__, "board": shooting.board.text}
-    text = f"place {number + 1} of the board"
-    cancelled = f"cancelled at place {number + 1}; the same command goes on with that place"
+    text = place_name(number)
+    cancelled = f"cancelled at {text}; the same command goes on with that place"
     with (
         ended_by_signals(control, axis, cancelled),
         steered(reporter, control, axis, "take", text, len(plan.angles)) as update,

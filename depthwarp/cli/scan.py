@@ -124,12 +124,36 @@ def _finish(
 
 def report_cloud(reporter: Reporter, path: Path, counts: dict[str, Any]) -> None:
     """Say what a processed recording has become."""
+    warnings = _warnings(counts)
     if reporter.as_json:
-        reporter.result({"output": str(path), "counts": counts, "seconds": reporter.seconds})
-        return
+        reporter.result(
+            {
+                "output": str(path),
+                "counts": counts,
+                "warnings": warnings,
+                "seconds": reporter.seconds,
+            }
+        )
     reporter.say(
         f"{path}: {counts['points']:,} points from {counts['stops']} stops; the line was found in "
         f"{counts['rows_found']:,} of {counts['rows']:,} rows"
     )
-    if counts["stops_without_line"]:
-        reporter.say(f"warning: {counts['stops_without_line']} stops show no line")
+    for warning in warnings:
+        reporter.say(f"warning: {warning}")
+
+
+def _warnings(counts: dict[str, Any]) -> list[str]:
+    """What a person should know of stops that do not show one line: what is wrong, what to do."""
+    total, warnings = counts["stops"], []
+    if without := counts["stops_without_line"]:
+        warnings.append(
+            f"{without} of {total} stops show no laser line: where something is in reach there, "
+            "check that the laser was on and in view, and give a longer --exposure"
+        )
+    if two := counts["stops_with_two_lines"]:
+        warnings.append(
+            f"{two} of {total} stops show two lines; each row took the brighter one, which may be "
+            "the wrong one: switch the other laser off or cover what mirrors the line, and scan "
+            "again"
+        )
+    return warnings

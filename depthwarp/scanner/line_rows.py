@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from depthwarp.scanner.laser import LineFinder, PointFlag
+from depthwarp.scanner.laser import LineFinder, LineStatus, PointFlag
 from depthwarp.scanner.recording import Step
 
 __all__ = ["LineRows", "line_rows"]
@@ -25,6 +25,7 @@ class LineRows:
         sigma_px: Standard deviation of the column [px], shape (M,).
         width_px: Width at half height [px], shape (M,).
         peak: Height over the background [grey levels of 255], shape (M,).
+        rivals: Rows in which another peak is at least half as high.
     """
 
     rows: Float64Array
@@ -32,6 +33,12 @@ class LineRows:
     sigma_px: Float64Array
     width_px: Float64Array
     peak: Float64Array
+    rivals: int
+
+    @property
+    def status(self) -> LineStatus:
+        """Whether the stop shows one line, none, or two."""
+        return LineStatus.of(len(self.rows), self.rivals)
 
 
 def line_rows(finder: LineFinder, step: Step, *, is_paired: bool) -> LineRows:
@@ -53,5 +60,10 @@ def line_rows(finder: LineFinder, step: Step, *, is_paired: bool) -> LineRows:
     order = np.lexsort((sigma, is_saturated, rows))
     best = order[np.unique(rows[order], return_index=True)[1]]
     return LineRows(
-        rows[best].astype(np.float64), columns[best], sigma[best], width[best], peak[best]
+        rows=rows[best].astype(np.float64),
+        columns=columns[best],
+        sigma_px=sigma[best],
+        width_px=width[best],
+        peak=peak[best],
+        rivals=int(np.count_nonzero(flags[best] & PointFlag.RIVAL)),
     )

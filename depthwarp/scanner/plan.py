@@ -10,7 +10,7 @@ from depthwarp.errors import InputError
 
 __all__ = ["ScanPlan"]
 
-MAX_STEPS = 1_000_000
+MAX_STOPS = 1_000_000
 """Most stops of one scan: five hundred times a full turn of the finest usual stepping motor."""
 
 
@@ -42,8 +42,8 @@ class ScanPlan:
     frame_timeout_s: float = 5.0
 
     def __post_init__(self) -> None:
-        if not 1 <= len(self.angles) <= MAX_STEPS:
-            raise InputError(f"a scan must have 1 to {MAX_STEPS} stops, got {len(self.angles)}")
+        if not 1 <= len(self.angles) <= MAX_STOPS:
+            raise InputError(f"a scan must have 1 to {MAX_STOPS} stops, got {len(self.angles)}")
         if not self.exposures_us or any(not 0 < e < math.inf for e in self.exposures_us):
             raise InputError(
                 f"exposures must be one or more times above 0 us, got {self.exposures_us}"
@@ -58,22 +58,22 @@ class ScanPlan:
             )
 
     @classmethod
-    def turn(cls, steps: int, degrees: float = 360.0, **settings: Any) -> ScanPlan:
+    def turn(cls, stops: int, degrees: float = 360.0, **settings: Any) -> ScanPlan:
         """A plan of evenly spaced stops over a turn.
 
         Args:
-            steps: Number of stops.
+            stops: How many there are.
             degrees: Angle that the turn covers; the stop after the last one would stand there.
             settings: The other attributes of the plan.
 
         Raises:
             InputError: Numbers out of their range.
         """
-        if not 1 <= steps <= MAX_STEPS:
-            raise InputError(f"steps must be 1 to {MAX_STEPS}, got {steps}")
+        if not 1 <= stops <= MAX_STOPS:
+            raise InputError(f"stops must be 1 to {MAX_STOPS}, got {stops}")
         if not 0 < abs(degrees) <= 360:
             raise InputError(f"degrees must be above 0 and at most 360, got {degrees}")
-        return cls(angles=tuple(degrees * k / steps for k in range(steps)), **settings)
+        return cls(angles=tuple(degrees * k / stops for k in range(stops)), **settings)
 
     def to_json(self) -> dict[str, Any]:
         """The plan as JSON values."""

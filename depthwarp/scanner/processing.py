@@ -9,13 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from depthwarp.cloud import PointCloud
-from depthwarp.errors import InputError
+from depthwarp.errors import FileFormatError, InputError
 from depthwarp.scanner.calibration import ScannerCalibration
 from depthwarp.scanner.laser import (
     ColorKind,
     ColorTable,
     LaserColorModel,
     LineFinder,
+    LineStatus,
     NoLineError,
     fit_lit,
     fit_pairs,
@@ -29,6 +30,9 @@ __all__ = ["ProcessingCounts", "ScanCloud", "fit_color_model", "process_recordin
 MODEL_STOPS = 4
 """Stops that the colour model is learned from, evenly spread over the scan."""
 
+MODEL_TRIES = 4
+"""How many such sets of stops are tried: the line may be out of view at the first ones."""
+
 
 @dataclass(frozen=True)
 class ProcessingCounts:
@@ -37,6 +41,8 @@ class ProcessingCounts:
     Attributes:
         stops: Finished stops of the recording.
         stops_without_line: Of those, stops whose frames show no line.
+        stops_with_two_lines: Of those, stops in which many rows hold a second line; each row took
+            the higher peak, which need not be the laser's own.
         rows: Rows of all stops.
         rows_found: Rows in which the line was found.
         outside_lens: Of those, where the lens has no ray.
@@ -47,6 +53,7 @@ class ProcessingCounts:
 
     stops: int
     stops_without_line: int
+    stops_with_two_lines: int
     rows: int
     rows_found: int
     outside_lens: int
@@ -78,8 +85,26 @@ def fit_color_model(recording: Recording) -> LaserColorModel:
     finished = sorted(recording.finished)
     if not finished:
         raise InputError(f"{recording.folder} holds no finished stop: there is nothing to process")
-    chosen = [finished[k * len(finished) // MODEL_STOPS] for k in range(MODEL_STOPS)]
-    steps = [recording.step(number) for number in dict.fromkeys(chosen)]
+    count, parts = len(finished), MODEL_STOPS * MODEL_TRIES
+    sets = [
+        tuple(dict.fromkeys(finished[k * count // parts] for k in range(first, parts, MODEL_TRIES)))
+        for first in range(MODEL_TRIES)
+    ]
+    refusals = []
+    for chosen in dict.fromkeys(sets):
+        try:
+            return _fit_stops(recording, chosen)
+        except FileFormatError:
+            raise
+        except InputError as error:
+            refusals.append(error)
+    looked_at = ", ".join(str(number) for number in sorted({n for chosen in sets for n in chosen}))
+    raise InputError(f"{recording.folder}, stops {looked_at}: {refusals[0]}") from refusals[0]
+
+
+def _fit_stops(recording: Recording, numbers: Sequence[int]) -> LaserColorModel:
+    """The colour model from the longest exposure of some stops."""
+    steps = [recording.step(number) for number in numbers]
     longest = int(np.argmax(recording.plan.exposures_us))
     frames = [step.exposures[longest] for step in steps]
     pairs = [(on, without) for on, without in frames if without is not None]
@@ -117,7 +142,8 @@ def process_recording(
     intensities: list[npt.NDArray[np.float64]] = []
     numbers: list[int] = []
     finder: LineFinder | None = None
-    rows_found = without_line = 0
+    statuses: list[LineStatus] = []
+    rows_found = 0
     total = len(recording.finished)
     for done, step in enumerate(recording.steps(), start=1):
         if finder is None:
@@ -126,7 +152,7 @@ def process_recording(
             finder = LineFinder(ColorTable(model), source.size, source.pixel_format, first.bits)
         line = line_rows(finder, step, is_paired=model.kind is ColorKind.DIFFERENCE)
         rows_found += len(line.rows)
-        without_line += len(line.rows) == 0
+        statuses.append(line.status)
         points = triangulate(
             calibration.geometry,
             line.rows,
@@ -149,7 +175,8 @@ def process_recording(
     cloud = _cloud(found, np.asarray(position, np.float64), intensities, numbers)
     counts = ProcessingCounts(
         stops=total,
-        stops_without_line=without_line,
+        stops_without_line=statuses.count(LineStatus.NO_LINE),
+        stops_with_two_lines=statuses.count(LineStatus.TWO_LINES),
         rows=total * recording.source.size[1],
         rows_found=rows_found,
         outside_lens=sum(points.counts.outside_lens for points in found),

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +21,7 @@ import typer
 import depthwarp as dw
 from depthwarp.cli.steering import ask_person
 from depthwarp.scanner.calibration import load_calibration
-from depthwarp.scanner.recording import Recording
+from depthwarp.scanner.recording import Recording, Step, lit, off
 from tests.cli.conftest import invoke
 
 SMALL = ("--stops", "12", "--twin-scale", "0.125")
@@ -87,7 +89,7 @@ def test_what_does_not_fit_together_is_refused(scanned, tmp_path):
         (["scan", "-o", scanned, *SMALL], "--resume"),
         (["scan", "-o", tmp_path / "b", "--resume", *SMALL], "holds no scan"),
         (["scan", "-o", scanned, "--resume", "--stops", "12"], "begun with camera"),
-        (["scan", "-o", tmp_path / "c", "--stops", "0"], "steps must be"),
+        (["scan", "-o", tmp_path / "c", "--stops", "0"], "stops must be 1 to"),
         (["scan", "-o", tmp_path / "c", "--twin-scale", "0"], "scale"),
         (["scan", "-o", tmp_path / "c", "--position", "0", "nan", "0", *SMALL], "--position"),
         (["scan", "-o", tmp_path / "c", "--at-start", *SMALL], "give --resume"),
@@ -130,6 +132,71 @@ def test_a_calibration_of_another_scan_is_refused(scanned, tmp_path):
     result = invoke("replay", scanned, "-o", tmp_path / "x.ply", "--calibration", other)
     assert result.exit_code == 2 and "changed" in result.stderr
     assert not (tmp_path / "x.ply").exists()
+
+
+def altered(scanned: Path, folder: Path, change: Callable[[Step], np.ndarray]) -> Path:
+    """A copy of a recording whose lit frames are others."""
+    source = Recording.open(scanned)
+    copy = Recording.create(folder, source.plan, source.source, source.settings)
+    shutil.copy(scanned / "calibration.json", folder)
+    for step in source.steps():
+        frames = dict(step.frames)
+        frames[lit(0)] = replace(frames[lit(0)], pixels=change(step))
+        copy.append(replace(step, frames=frames))
+    return folder
+
+
+def with_second_line(step: Step) -> np.ndarray:
+    """The light of the line once more, 40 px beside it, in stops 3 to 6."""
+    on, without = (step.frames[name].pixels for name in (lit(0), off(0)))
+    added = np.roll(np.maximum(on.astype(int) - without, 0), 40, axis=1)
+    return on if step.number not in range(3, 7) else np.minimum(on + added, 255).astype(np.uint8)
+
+
+def test_a_second_line_is_counted_and_warned_of(scanned, tmp_path):
+    """A cloud comes out, with a warning that says in how many stops, and what to do."""
+    folder = altered(scanned, tmp_path / "two", with_second_line)
+    result = invoke("replay", folder, "-o", tmp_path / "two.ply")
+    assert result.exit_code == 0, result.stderr
+    assert "warning: 4 of 12 stops show two lines" in result.stderr
+    assert "switch the other laser off or cover what mirrors" in result.stderr
+    result = invoke("replay", folder, "-o", tmp_path / "two.ply", "--json")
+    said = json.loads(result.stdout)
+    assert said["counts"]["stops_with_two_lines"] == 4
+    assert len(said["warnings"]) == 1 and "4 of 12 stops" in said["warnings"][0]
+
+
+def test_an_undisturbed_scan_warns_of_nothing(scanned, tmp_path):
+    """Each stop of the twin's room shows one line."""
+    result = invoke("replay", scanned, "-o", tmp_path / "again.ply", "--json")
+    said = json.loads(result.stdout)
+    assert said["warnings"] == [] and "warning" not in result.stderr
+    assert said["counts"]["stops_with_two_lines"] == said["counts"]["stops_without_line"] == 0
+
+
+@pytest.mark.parametrize("seen", [range(4, 5), range(1, 12, 2), range(11, 12)])
+def test_stops_without_a_line_are_warned_of(scanned, tmp_path, seen):
+    """Also where the line is in view at few stops the cloud is theirs; the others are counted."""
+    folder = altered(
+        scanned,
+        tmp_path / "dark",
+        lambda step: step.frames[lit(0) if step.number in seen else off(0)].pixels,
+    )
+    result = invoke("replay", folder, "-o", tmp_path / "dark.ply")
+    assert result.exit_code == 0, result.stderr
+    assert f"warning: {12 - len(seen)} of 12 stops show no laser line" in result.stderr
+    assert "check that the laser was on" in result.stderr
+    assert set(dw.read(tmp_path / "dark.ply").attributes["frame"]) == set(seen)
+
+
+def test_no_line_at_any_stop_is_refused(scanned, tmp_path):
+    """The laser was off all the time: what was looked at, what to do, and no cloud."""
+    folder = altered(scanned, tmp_path / "dark", lambda step: step.frames[off(0)].pixels)
+    result = invoke("replay", folder, "-o", tmp_path / "dark.ply")
+    assert result.exit_code == 2 and "no laser line is in view" in result.stderr
+    assert f"{folder}, stops 0, 1," in result.stderr
+    assert "check that the laser is on, in view" in result.stderr
+    assert not (tmp_path / "dark.ply").exists()
 
 
 def test_a_person_is_asked_until_the_answer_is_a_number(monkeypatch, capsys):

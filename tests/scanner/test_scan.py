@@ -189,16 +189,16 @@ def test_time_in_a_pause_is_not_counted_as_pace(tmp_path):
 @pytest.mark.parametrize(
     "settings",
     [
-        {"steps": 0},
-        {"steps": 10**9},
-        {"steps": 4, "degrees": 0},
-        {"steps": 4, "degrees": 400},
-        {"steps": 4, "exposures_us": ()},
-        {"steps": 4, "exposures_us": (0.0,)},
-        {"steps": 4, "exposures_us": (float("nan"),)},
-        {"steps": 4, "settle_s": -1.0},
-        {"steps": 4, "gain_db": float("inf")},
-        {"steps": 4, "frame_timeout_s": 0.0},
+        {"stops": 0},
+        {"stops": 10**9},
+        {"stops": 4, "degrees": 0},
+        {"stops": 4, "degrees": 400},
+        {"stops": 4, "exposures_us": ()},
+        {"stops": 4, "exposures_us": (0.0,)},
+        {"stops": 4, "exposures_us": (float("nan"),)},
+        {"stops": 4, "settle_s": -1.0},
+        {"stops": 4, "gain_db": float("inf")},
+        {"stops": 4, "frame_timeout_s": 0.0},
     ],
 )
 def test_plans_that_make_no_sense(settings):

@@ -112,7 +112,7 @@ class Controller:
         if not was_running:
             self.fault = AxisRestartedError(
                 f"the controller on {self.line.port} has just started and does not know where "
-                "the head is: turn the head to its mark and call reference()"
+                "the head is: turn the head to its mark and reference the axis"
             )
         return self._banner
 
@@ -246,7 +246,7 @@ class Controller:
         if self.fault is None:
             self.fault = kind(
                 f"the controller on {self.line.port} {what}: its position cannot be trusted; "
-                "turn the head to its mark and call reference()"
+                "turn the head to its mark and reference the axis again"
             )
             self.line.interrupt(self.fault)
 

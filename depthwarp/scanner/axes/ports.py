@@ -10,15 +10,20 @@ __all__ = ["describe_ports", "find_port"]
 
 _BY_NUMBER = "serial:"
 
+_NOTHING_KNOWN = "n/a"  # what pyserial says of a mainboard's port, wired to a socket or not
+
 
 def describe_ports() -> str:
-    """Say in one sentence which serial ports this machine has."""
+    """Say in one sentence behind which serial ports of this machine there is a device."""
     ports = [
         f"{port.device} ({port.description})"
         + (f", {_BY_NUMBER}{port.serial_number}" if port.serial_number else "")
         for port in list_ports.comports()
+        if port.description != _NOTHING_KNOWN
     ]
-    return f"ports there are: {'; '.join(ports)}" if ports else "this machine has no serial ports"
+    if not ports:
+        return "no serial device is plugged in"
+    return f"serial devices that are plugged in: {'; '.join(ports)}"
 
 
 def find_port(port: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import re
 import threading
 import time
@@ -276,7 +277,15 @@ def _opening_error(port: str, error: OSError) -> InputError | AxisError:
         )
     if "://" in port:
         return InputError(f"port {port!r} cannot be reached: {error}")
-    return InputError(f"there is no serial port {port!r} ({error}); {describe_ports()}")
+    if error.errno == errno.ENOENT:
+        return InputError(
+            f"there is no serial port {port!r}: give the controller's; {describe_ports()}"
+        )
+    reason = os.strerror(error.errno) if error.errno else str(error)
+    return InputError(
+        f"port {port!r} does not open as a serial port ({reason}): give the controller's; "
+        f"{describe_ports()}"
+    )
 
 
 def _close_device(device: Any) -> None:

@@ -1,14 +1,10 @@
 """Calibration of the scanner: lens, laser plane and turning axis, with sigmas and a verdict."""
 
 from depthwarp.scanner.calibration.adjustment import Adjustment, adjust
-from depthwarp.scanner.calibration.boards import (
-    Board,
-    BoardCorners,
-    BoardNotFoundError,
-    CharucoBoard,
-    Chessboard,
-    parse_board,
-)
+from depthwarp.scanner.calibration.board_text import parse_board
+from depthwarp.scanner.calibration.boards import Board, BoardCorners, BoardNotFoundError
+from depthwarp.scanner.calibration.charuco import CharucoBoard
+from depthwarp.scanner.calibration.chessboard import Chessboard
 from depthwarp.scanner.calibration.intrinsics import Coverage, LensCalibration, calibrate_lens
 from depthwarp.scanner.calibration.laser_plane import LaserPlane, calibrate_laser_plane
 from depthwarp.scanner.calibration.procedure import (

@@ -10,6 +10,7 @@ from typing import Any
 
 from depthwarp.errors import InputError
 from depthwarp.scanner.axis import Axis
+from depthwarp.scanner.calibration.views import place_name
 from depthwarp.scanner.frames import FrameSource, SourceInfo
 from depthwarp.scanner.plan import ScanPlan
 from depthwarp.scanner.recording import Recording
@@ -127,15 +128,16 @@ def require_one_camera(recordings: Mapping[int, Recording]) -> SourceInfo:
     """
     if not recordings:
         raise InputError(
-            "no placement of the board is recorded: give --axis and --camera to take some"
+            "no pictures of a board are recorded: give --axis and --camera to take some"
         )
     (first, camera), *others = ((n, recording.source) for n, recording in recordings.items())
     for number, other in others:
         if other != camera:
             raise InputError(
-                f"placement {number} is from {other.name} {other.serial} with frames of "
-                f"{other.size[0]} x {other.size[1]} px, placement {first} from {camera.name} "
+                f"{place_name(number)} was seen by {other.name} {other.serial} with frames of "
+                f"{other.size[0]} x {other.size[1]} px, {place_name(first)} by {camera.name} "
                 f"{camera.serial} with {camera.size[0]} x {camera.size[1]} px: a calibration "
-                "belongs to one camera; remove the placements of the other"
+                "belongs to one camera; remove the folders of the other, such as "
+                f"{recordings[number].folder}"
             )
     return camera

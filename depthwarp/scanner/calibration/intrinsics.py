@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,6 +22,9 @@ Float64Array = npt.NDArray[np.float64]
 MIN_VIEWS = 4
 MIN_TILT_SPREAD_DEG = 10.0
 """Boards that are nearer to parallel than this leave the focal length undetermined."""
+
+LARGE_RMS_PX = 1.0
+"""Corners that scatter more than this have not been fitted: found ones scatter by 0.1 px."""
 
 CELLS = 5
 """The frame is divided into this many cells a side to see where the corners lie."""
@@ -79,9 +83,9 @@ def calibrate_lens(views: Sequence[BoardCorners], size: tuple[int, int]) -> Lens
             views that fit no lens. The message says what to add.
     """
     _check(views, size)
-    fit = _opencv(views, size, flags=0)
+    fit = _fit(views, size, flags=0)
     if abs(fit.lens.distortion[4]) < 3 * fit.sigmas[8]:
-        fit = _opencv(views, size, flags=cv2.CALIB_FIX_K3)
+        fit = _fit(views, size, flags=cv2.CALIB_FIX_K3)
     if fit.coverage.tilt_spread_deg < MIN_TILT_SPREAD_DEG:
         raise InputError(
             f"all {len(views)} boards are parallel within {fit.coverage.tilt_spread_deg:.1f} "
@@ -91,13 +95,45 @@ def calibrate_lens(views: Sequence[BoardCorners], size: tuple[int, int]) -> Lens
     return fit
 
 
-def _opencv(views: Sequence[BoardCorners], size: tuple[int, int], flags: int) -> LensCalibration:
+def _fit(views: Sequence[BoardCorners], size: tuple[int, int], flags: int) -> LensCalibration:
+    """The better fit of two starts, the second tried where the first leads nowhere.
+
+    OpenCV starts from the perspective of the boards; a few small ones that face the camera have
+    next to none, and may lead it to a lens that fits no view. A usual focal length does not.
+    """
+    fits: list[LensCalibration] = []
+    refusal: InputError | None = None
+    for start in (None, _usual_camera(size)):
+        try:
+            fits.append(_opencv(views, size, flags, start))
+        except InputError as error:
+            refusal = refusal or error
+        if fits and fits[-1].rms_px <= LARGE_RMS_PX:
+            break
+    if not fits and refusal is not None:
+        raise refusal
+    return min(fits, key=lambda fit: fit.rms_px)
+
+
+def _usual_camera(size: tuple[int, int]) -> Float64Array:
+    """Camera matrix of a lens that sees 60 degrees along the longer side."""
+    focal, (width, height) = max(size) / 2 / math.tan(math.radians(30)), size
+    return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+
+
+def _opencv(
+    views: Sequence[BoardCorners], size: tuple[int, int], flags: int, start: Float64Array | None
+) -> LensCalibration:
+    """OpenCV's fit, from a camera matrix and no distortion, or from its own first guess."""
+    if start is not None:
+        flags |= cv2.CALIB_USE_INTRINSIC_GUESS
+    guess = np.eye(3) if start is None else start
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
     points = [view.points_board.astype(np.float32) for view in views]
     pixels = [view.pixels.astype(np.float32) for view in views]
     try:
         rms, K, distortion, turns, shifts, sigmas, _, view_rms = cv2.calibrateCameraExtended(
-            points, pixels, size, np.eye(3), np.zeros(5), flags=flags, criteria=criteria
+            points, pixels, size, guess, np.zeros(5), flags=flags, criteria=criteria
         )
     except cv2.error as error:
         raise InputError(

@@ -16,8 +16,8 @@ from depthwarp.scanner.calibration.intrinsics import calibrate_lens, coverage
 from depthwarp.scanner.calibration.laser_plane import LaserPlane, calibrate_laser_plane
 from depthwarp.scanner.calibration.store import Residuals, ScannerCalibration
 from depthwarp.scanner.calibration.turning_axis import calibrate_turning_axis
-from depthwarp.scanner.calibration.verdict import Verdict, judge
-from depthwarp.scanner.calibration.views import BoardView, board_pose, keep_on_board
+from depthwarp.scanner.calibration.verdict import Check, Verdict, judge
+from depthwarp.scanner.calibration.views import BoardView, board_pose, keep_on_board, place_name
 from depthwarp.scanner.frames import SourceInfo
 from depthwarp.scanner.geometry import Lens
 
@@ -188,7 +188,24 @@ def calibrate_views(
             turn_deg=_largest_turn(views),
         ),
     )
-    return calibration, CalibrationReport(judge(calibration), adjusted, plane)
+    verdict = Verdict((*judge(calibration).checks, _worst_view(views, adjusted)))
+    return calibration, CalibrationReport(verdict, adjusted, plane)
+
+
+def _worst_view(views: Sequence[BoardView], adjusted: Adjustment) -> Check:
+    """One view that does not fit hardly shows in the residual of all: it is judged by itself."""
+    worst = int(np.argmax(adjusted.view_rms_px))
+    view = views[worst]
+    return Check(
+        f"residual of the worst view ({place_name(view.placement)}, head at "
+        f"{view.angle_deg:g} degrees)",
+        float(adjusted.view_rms_px[worst]),
+        " px",
+        0.6,
+        2.0,
+        "there the motor lost steps, the board was moved, or its corners are wrong: take that "
+        "place again",
+    )
 
 
 def _without_outliers(views: Sequence[BoardView], plane: LaserPlane) -> list[BoardView]:

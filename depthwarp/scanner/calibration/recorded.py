@@ -25,7 +25,7 @@ from depthwarp.scanner.calibration.capture import require_one_camera
 from depthwarp.scanner.calibration.procedure import CalibrationReport, calibrate_views
 from depthwarp.scanner.calibration.saddles import grey_levels
 from depthwarp.scanner.calibration.store import ScannerCalibration
-from depthwarp.scanner.calibration.views import BoardView, keep_on_board
+from depthwarp.scanner.calibration.views import BoardView, keep_on_board, place_name
 from depthwarp.scanner.frames import Frame, PixelFormat
 from depthwarp.scanner.laser import (
     ColorTable,
@@ -120,8 +120,8 @@ def board_views(
             corners = board.detect(image)
         except BoardNotFoundError:
             skipped.append(
-                f"placement {number} at {step.reported:g} degrees: the board is not in view whole, "
-                "or not sharp, bright and large enough"
+                f"{place_name(number)}, head at {step.reported:g} degrees: the board is not in "
+                "view whole, or not sharp, bright and large enough"
             )
         else:
             line = line_rows(finder, step, is_paired=True)
@@ -151,12 +151,16 @@ def fit_board_color(recordings: Mapping[int, Recording]) -> LaserColorModel:
         for number in sorted(recording.finished)
     ]
     if not stops:
-        raise InputError("no stop of any placement is finished: there is nothing to calibrate from")
+        raise InputError(
+            "no stop at any place of the board is finished: there is nothing to calibrate from"
+        )
     chosen = dict.fromkeys(k * len(stops) // MODEL_STOPS for k in range(MODEL_STOPS))
     steps = [stops[k][0].step(stops[k][1]) for k in chosen]
     pairs = [(on, off) for step in steps for on, off in step.exposures if off is not None]
     if not pairs:
-        raise InputError("the placements have no frames with the laser off: record them with some")
+        raise InputError(
+            "there are no frames with the laser off: record the board's pictures with some"
+        )
     return fit_pairs(pairs)
 
 
@@ -166,7 +170,7 @@ def _board_frame(step: Step) -> Frame:
     if not off:
         raise InputError(
             f"stop {step.number} has no frame with the laser off, in which the board could be "
-            "seen: record the placement with off frames"
+            "seen: record the board's pictures with off frames"
         )
     return max(off, key=lambda frame: frame.exposure_us)
 

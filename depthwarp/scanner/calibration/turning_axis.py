@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from depthwarp.errors import InputError
-from depthwarp.scanner.calibration.views import BoardView, rotation
+from depthwarp.scanner.calibration.views import BoardView, place_name, rotation
 from depthwarp.scanner.geometry import TurningAxis
 
 __all__ = ["calibrate_turning_axis", "head_turned"]
@@ -113,7 +113,8 @@ def _check_turns(placement: int, pairs: Float64Array) -> None:
     if abs(np.median(error)) > MAX_ANGLE_ERROR_DEG:
         turned, seen = pairs[np.argsort(error)[len(error) // 2]]
         raise InputError(
-            f"while the motor turned by {turned:.2f} degrees, the board of placement {placement} "
-            f"turned by {seen:.2f} degrees in the camera: the motor lost steps or its steps per "
-            "degree are wrong, or the board was moved"
+            f"at {place_name(placement)} the motor turned by {turned:.2f} degrees, but the board "
+            f"by {seen:.2f} degrees in the camera: the motor lost steps or its steps per degree "
+            "are wrong, or the board was moved, or is too small there for its tilt to be seen; "
+            "find out which, and take that place again"
         )

@@ -18,6 +18,7 @@ __all__ = [
     "board_pose",
     "keep_on_board",
     "on_board",
+    "place_name",
     "pose_matrix",
     "rays_on_board",
     "rotation",
@@ -61,6 +62,11 @@ class BoardView:
                 f"angle_deg must be finite and laser_sigma_px above 0, got {self.angle_deg} and "
                 f"{self.laser_sigma_px}"
             )
+
+
+def place_name(placement: int) -> str:
+    """What people read of a placement: they count the board's places from 1."""
+    return f"place {placement + 1} of the board"
 
 
 def keep_on_board(pixels: Float64Array, corners: BoardCorners) -> Float64Array:

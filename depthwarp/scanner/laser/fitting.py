@@ -173,9 +173,9 @@ def _fit(samples: Sequence[_Sample], kind: ColorKind, prior: float, seed: int) -
     background = np.concatenate([np.empty((0, 3)), *(_scene_colors(s, rng) for s in samples)])
     if len(laser) < FEWEST or len(background) < FEWEST:
         raise InputError(
-            f"too little to learn the laser's colour from: {len(laser)} pixels of the line and "
-            f"{len(background)} of the scene, need {FEWEST} of each; check that the laser is on, "
-            "in view, and stands out in at least one frame"
+            f"no laser line is in view that its colour could be learned from: {len(laser)} pixels "
+            f"of a line and {len(background)} of the scene, need {FEWEST} of each; check that the "
+            "laser is on, in view, and stands out in at least one frame"
         )
     chosen = _choose(len(laser), rng)
     channel = int(np.argmax(laser.mean(axis=0) - background.mean(axis=0)))

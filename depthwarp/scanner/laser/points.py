@@ -43,6 +43,13 @@ class LineStatus(StrEnum):
     NO_LINE = "no line"
     TWO_LINES = "two lines"
 
+    @classmethod
+    def of(cls, found: int, rivals: int) -> LineStatus:
+        """What rows with a point, and those of them with a rival peak, make of a frame."""
+        if found == 0:
+            return cls.NO_LINE
+        return cls.TWO_LINES if rivals > TWO_LINES_SHARE * found else cls.FOUND
+
 
 class PointFlag(IntFlag):
     """What is special about a point."""
@@ -113,11 +120,7 @@ class LinePoints:
     @property
     def status(self) -> LineStatus:
         """Whether the frame shows one line, none, or two."""
-        if self.counts.found == 0:
-            return LineStatus.NO_LINE
-        if self.counts.rivals > TWO_LINES_SHARE * self.counts.found:
-            return LineStatus.TWO_LINES
-        return LineStatus.FOUND
+        return LineStatus.of(self.counts.found, self.counts.rivals)
 
     def check(self) -> LinePoints:
         """Return the points if the frame shows one line.

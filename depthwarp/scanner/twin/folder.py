@@ -11,32 +11,27 @@ from pathlib import Path
 import cv2
 
 from depthwarp.errors import InputError
+from depthwarp.scanner.plan import ScanPlan
 from depthwarp.scanner.twin.renderer import Shot, TwinRenderer
 
 __all__ = ["render_turn_to_folder", "turn_shots"]
 
 
-def turn_shots(
-    angles: Sequence[float],
-    *,
-    exposures_us: Sequence[float] = (2000.0,),
-    gain_db: float = 0.0,
-    off_first: bool = True,
-) -> list[Shot]:
-    """The shots of a turn in the order in which a scan takes them.
+def turn_shots(plan: ScanPlan, angles: Sequence[float] | None = None) -> list[Shot]:
+    """The shots of a turn in the order in which `run_scan` takes them.
 
     Args:
-        angles: Where the head stops [degrees].
-        exposures_us: Exposures at each stop [microseconds].
-        gain_db: Gain [dB].
-        off_first: Whether each stop begins with a shot without laser, at the first exposure.
+        plan: Of the scan: at each stop its exposures without the laser, if it has such, then
+            those with it.
+        angles: Where the head really stands at the stops [degrees]; as commanded unless given.
     """
-    shots = []
-    for angle in angles:
-        if off_first:
-            shots.append(Shot(float(angle), False, exposures_us[0], gain_db))
-        shots += [Shot(float(angle), True, exposure, gain_db) for exposure in exposures_us]
-    return shots
+    lasers = (False, True) if plan.with_off_frame else (True,)
+    return [
+        Shot(float(angle), laser_on, exposure, plan.gain_db)
+        for angle in (plan.angles if angles is None else angles)
+        for laser_on in lasers
+        for exposure in plan.exposures_us
+    ]
 
 
 def render_turn_to_folder(

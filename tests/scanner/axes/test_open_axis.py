@@ -24,7 +24,7 @@ def test_each_kind_has_its_name() -> None:
     ("spec", "message"),
     [
         ("", "grbl:PORT, horus:PORT, manual or simulated"),
-        ("tmcl:/dev/ttyUSB0", "got 'tmcl:/dev/ttyUSB0'.*port"),
+        ("tmcl:/dev/ttyUSB0", "got 'tmcl:/dev/ttyUSB0'.*plugged in"),
         ("/dev/ttyUSB0", "grbl:PORT"),
         ("grbl", "lacks its port.*grbl:PORT"),
         ("horus:", "lacks its port"),

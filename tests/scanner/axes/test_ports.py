@@ -67,3 +67,15 @@ def test_a_line_looks_the_number_up_at_each_opening(monkeypatch: pytest.MonkeyPa
         line.open()
         with closing(line):
             assert not line.is_lost
+
+
+def test_ports_without_a_device_are_not_named(monkeypatch: pytest.MonkeyPatch):
+    """A mainboard's port of which nothing is known is none that a controller is plugged into."""
+    empty = SimpleNamespace(device="/dev/ttyS0", description="n/a", serial_number=None)
+    monkeypatch.setattr(list_ports, "comports", lambda: [empty])
+    assert describe_ports() == "no serial device is plugged in"
+    known = SimpleNamespace(device="/dev/ttyUSB0", description="CH340", serial_number="A1")
+    monkeypatch.setattr(list_ports, "comports", lambda: [empty, known])
+    assert describe_ports() == (
+        "serial devices that are plugged in: /dev/ttyUSB0 (CH340), serial:A1"
+    )

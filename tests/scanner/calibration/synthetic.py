@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from depthwarp.scanner.calibration.boards import Board, BoardCorners, Chessboard
+from depthwarp.scanner.calibration import Board, BoardCorners, Chessboard
 from depthwarp.scanner.calibration.turning_axis import head_turned
 from depthwarp.scanner.calibration.views import BoardView, keep_on_board, pose_matrix
 from depthwarp.scanner.geometry import ScannerGeometry, TurningAxis

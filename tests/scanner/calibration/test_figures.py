@@ -216,6 +216,37 @@ def test_wrong_motor_scale_direction_or_missing_turns_are_refused(views: list[Bo
     assert angle_between(found.direction, TRUTH.axis.direction) < 1e-3
 
 
+def with_lost_steps(views: list[BoardView], lost_deg: float, first: float) -> list[BoardView]:
+    """Views of which the third place's are reported too far from a motor angle on."""
+    return [
+        replace(view, angle_deg=view.angle_deg + lost_deg * (view.angle_deg >= first))
+        if view.placement == 2
+        else view
+        for view in views
+    ]
+
+
+def test_steps_lost_in_the_middle_of_a_place_are_refused(views: list[BoardView]):
+    """Most pairs of its views then turn by another angle than the motor."""
+    poses = np.stack([board_pose(view.corners, TRUTH.lens) for view in views])
+    with pytest.raises(InputError, match="at place 3 of the board the motor turned by"):
+        calibrate_turning_axis(with_lost_steps(views, 1.8, 5.0), poses)
+
+
+@pytest.mark.parametrize(("lost_deg", "first"), [(1.8, 25.0), (0.45, 25.0), (0.45, 5.0)])
+def test_fewer_lost_steps_make_the_verdict_bad(
+    views: list[BoardView], lost_deg: float, first: float
+):
+    """At the last view alone, or few: the view that fits worst is judged by itself and named."""
+    half = [view for view in views if view.angle_deg % 10 == 5]  # for speed
+    _, report = calibrate_views(with_lost_steps(half, lost_deg, first), BOARD, CAMERA)
+    everything, worst = report.verdict.checks[0], report.verdict.checks[-1]
+    print(f"{lost_deg} degrees lost: all {everything.value:.2f} px, worst {worst.value:.1f} px")
+    assert report.verdict.grade is worst.grade is Grade.BAD
+    assert "worst view (place 3 of the board, head at" in worst.name
+    assert "the motor lost steps" in worst.text
+
+
 def test_a_lens_from_poor_views_is_refused_in_words(views: list[BoardView]):
     """Too few views, parallel boards and another camera's frames are refused, each by name."""
     corners = [view.corners for view in views]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from depthwarp.errors import InputError
-from depthwarp.scanner.calibration.least_squares import Block, solve
+from depthwarp.scanner.calibration.least_squares import Block, shared_error_covariance, solve
 
 X = np.linspace(0.0, 2.0, 40)
 
@@ -62,6 +62,55 @@ def test_blocks_share_parameters_and_held_ones_do_not_move():
     # x0 = 1 and x2 = x0 and x2 = 2 at once: least squares gives 4/3 and 5/3.
     np.testing.assert_allclose(found.parameters, [4 / 3, 3.0, 5 / 3], atol=1e-6)
     assert (found.covariance[1] == 0).all()
+
+
+def test_shared_errors_add_what_repetition_shows():
+    """Two blocks with errors in common within each, one parameter held: 2000 fits say the same."""
+    truth, free = np.array([1.0, -0.5, 2.0, 0.7]), np.array([True, True, True, False])
+    x = np.linspace(-1.0, 2.0, 15)
+    indices = np.array([0, 1, 3]), np.array([1, 2])
+    patterns = [np.column_stack([np.full(15, 3.0), 2.0 * x]), 1.5 * x[:, None] ** 2]
+
+    def blocks(errors: list[np.ndarray]) -> list[Block]:
+        def first(values: np.ndarray) -> np.ndarray:
+            return values[0] + values[1] * x + values[2] * x**2 - measured[0]
+
+        def second(values: np.ndarray) -> np.ndarray:
+            return np.exp(values[0] * x) + values[1] * x - measured[1]
+
+        measured = (
+            truth[0] + truth[1] * x + truth[3] * x**2 + errors[0],
+            np.exp(truth[1] * x) + truth[2] * x + errors[1],
+        )
+        return [Block(first, indices[0]), Block(second, indices[1])]
+
+    scale = 1e-3  # small, so that the fit is linear in the errors
+    rng = np.random.default_rng(0)
+    exact = blocks([np.zeros(15)] * 2)
+    solution = solve(exact, truth, free)
+    added = shared_error_covariance(exact, patterns, solution, free)
+    fits = np.array(
+        [
+            solve(
+                blocks(
+                    [scale * pattern @ rng.normal(size=pattern.shape[1]) for pattern in patterns]
+                ),
+                truth,
+                free,
+            ).parameters
+            for _ in range(2000)
+        ]
+    )
+    repeated = np.cov(fits[:, free].T) / scale**2
+    stated = added[np.ix_(free, free)]
+    sigmas = np.sqrt(np.diag(repeated))
+    np.testing.assert_allclose(np.sqrt(np.diag(stated)), sigmas, rtol=0.06)
+    np.testing.assert_allclose(
+        stated / np.outer(sigmas, sigmas), np.corrcoef(fits[:, free].T), atol=0.1
+    )
+    assert (added[3] == 0).all() and (added[:, 3] == 0).all()
+    alone = np.sqrt(np.diag(solution.covariance))[:3]
+    assert (sigmas > 1.5 * alone).all()  # independent errors of unit variance would promise less
 
 
 def test_steps_into_values_without_meaning_are_not_taken():

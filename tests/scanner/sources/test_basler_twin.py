@@ -100,9 +100,7 @@ def test_the_emulated_camera_gives_the_twins_cloud(
     monkeypatch.setenv("PYLON_CAMEMU", "1")
     recorded, cloud = direct
     angles = [step.reported for step in recorded.steps()]
-    files = render_turn_to_folder(
-        renderer, turn_shots(angles, exposures_us=(EXPOSURE_US,)), tmp_path / "turn"
-    )
+    files = render_turn_to_folder(renderer, turn_shots(PLAN, angles), tmp_path / "turn")
     width, height = renderer.geometry.lens.size
     if rotation == 90:  # a camera rolled clockwise sees the scene turned the other way
         for file in files:

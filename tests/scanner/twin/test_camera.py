@@ -11,6 +11,7 @@ import pytest
 from depthwarp.errors import InputError
 from depthwarp.scanner.frames import (
     DeviceLostError,
+    Frame,
     FrameError,
     FrameSource,
     FrameTimeoutError,
@@ -18,7 +19,10 @@ from depthwarp.scanner.frames import (
     PixelFormat,
 )
 from depthwarp.scanner.geometry import reference_geometry
+from depthwarp.scanner.plan import ScanPlan
+from depthwarp.scanner.recording import Recording
 from depthwarp.scanner.room import furnished_room
+from depthwarp.scanner.scan import run_scan
 from depthwarp.scanner.twin import (
     CameraFault,
     Scene,
@@ -30,6 +34,7 @@ from depthwarp.scanner.twin import (
     render_turn_to_folder,
     turn_shots,
 )
+from tests.scanner.fakes import FakeAxis, FakeSource
 
 SMALL = reference_geometry(0.1)
 
@@ -119,15 +124,32 @@ def test_misuse_is_refused() -> None:
             camera.configure(exposure, gain)
 
 
+@pytest.mark.parametrize("with_off_frame", [True, False])
+def test_a_turns_shots_are_those_of_a_scan(tmp_path: Path, with_off_frame: bool) -> None:
+    """Angle, laser, exposure and gain of each shot, in the very order of `run_scan`'s grabs."""
+    plan = ScanPlan((0.0, 33.75), (500.0, 4000.0), 3.0, 0.0, with_off_frame)
+    axis, taken = FakeAxis(), list[Shot]()
+
+    class Watched(FakeSource):
+        def grab(self, timeout_s: float) -> Frame:
+            taken.append(Shot(axis.angle, axis.laser, self.exposure, self.gain))
+            return super().grab(timeout_s)
+
+    source = Watched(axis)
+    run_scan(Recording.create(tmp_path, plan, source.info, {}), source, axis)
+    assert turn_shots(plan) == taken
+    assert len(taken) == (8 if with_off_frame else 4)
+    assert {shot.angle for shot in turn_shots(plan, (1.0, 2.0))} == {1.0, 2.0}
+
+
 @pytest.mark.parametrize("sensor", [Sensor(), Sensor(PixelFormat.BGR), Sensor(bits=12)])
 def test_folder_holds_the_frames(tmp_path: Path, sensor: Sensor) -> None:
     """Each file is the shot to the bit, and the names sort like the shots."""
     scene = renderer(sensor)
-    shots = turn_shots([0.0, 33.75], exposures_us=(500.0, 4000.0))
-    assert [shot.laser_on for shot in shots] == [False, True, True] * 2
+    shots = turn_shots(ScanPlan((0.0, 33.75), (500.0, 4000.0), with_off_frame=False))
     done: list[tuple[int, int]] = []
     files = render_turn_to_folder(scene, shots, tmp_path / "turn", lambda *n: done.append(n))
-    assert sorted((tmp_path / "turn").iterdir()) == files and done[-1] == (6, 6)
+    assert sorted((tmp_path / "turn").iterdir()) == files and done[-1] == (4, 4)
     for file, shot in zip(files, shots, strict=True):
         np.testing.assert_array_equal(
             cv2.imread(str(file), cv2.IMREAD_UNCHANGED), scene.render(shot)
@@ -140,7 +162,7 @@ def test_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
     def stop(done: int, total: int) -> None:
         raise KeyboardInterrupt
 
-    shots = turn_shots([0.0])
+    shots = turn_shots(ScanPlan((0.0,)))
     with pytest.raises(KeyboardInterrupt):
         render_turn_to_folder(renderer(), shots, tmp_path / "turn", stop)
     assert not list(tmp_path.iterdir())
