@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import TypeVar
 
+import numpy as np
+import numpy.typing as npt
+
 from depthwarp.errors import InputError
 
 __all__ = [
@@ -13,6 +16,8 @@ __all__ = [
     "check_choice",
     "check_finite_vector",
     "check_fov",
+    "check_matrix",
+    "check_points",
     "check_positive",
     "check_size",
     "check_window",
@@ -57,8 +62,13 @@ def check_fov(fov: Sequence[float]) -> tuple[float, float]:
 
 def check_size(size: Sequence[int]) -> tuple[int, int]:
     """Return an image size (width, height) [px] of whole numbers from 1 to `MAX_SIDE`."""
-    if len(size) != 2 or not all(_is_whole(side) for side in size):
-        raise InputError(f"size must be two whole numbers (width, height), got {tuple(size)}")
+    try:
+        sides = tuple(size)
+    except TypeError:  # one number
+        sides = ()
+    if len(sides) != 2 or not all(_is_whole(side) for side in sides):
+        got = f"({', '.join(map(str, sides))})" if sides else size
+        raise InputError(f"size must be two whole numbers in one tuple (width, height), got {got}")
     width, height = int(size[0]), int(size[1])
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
         raise InputError(f"size must be from 1 to {MAX_SIDE} pixels a side, got {width} x {height}")
@@ -70,6 +80,32 @@ def check_window(name: str, side: int) -> int:
     if not _is_whole(side) or not 1 <= side <= MAX_SIDE:
         raise InputError(f"{name} must be a whole number from 1 to {MAX_SIDE} pixels, got {side}")
     return int(side)
+
+
+def check_matrix(name: str, values: npt.ArrayLike, side: int) -> npt.NDArray[np.float64]:
+    """Return `values` as a square matrix of finite numbers, float64."""
+    expected = f"{name} must be a finite {side} x {side} matrix"
+    try:
+        matrix = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{expected}, got {values!r}") from error
+    if matrix.shape != (side, side):
+        raise InputError(f"{expected}, got shape {matrix.shape}")
+    for row, column in np.argwhere(~np.isfinite(matrix)).tolist():
+        raise InputError(f"{expected}, got {matrix[row, column]} at [{row}, {column}]")
+    return matrix
+
+
+def check_points(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return points as an array of shape (N, 3), float64; they may hold NaN."""
+    try:
+        points = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"points_world must be numbers of shape (N, 3): {error}") from error
+    if points.ndim != 2 or points.shape[1] != 3:
+        one = ": one point is [[x, y, z]]" if points.shape == (3,) else ""
+        raise InputError(f"points_world must have the shape (N, 3), got {points.shape}{one}")
+    return points
 
 
 def check_choice(name: str, value: Choice, choices: Sequence[Choice]) -> Choice:

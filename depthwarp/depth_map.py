@@ -43,7 +43,7 @@ class RenderStats(Mapping[str, int]):
     Attributes:
         total: Points of the cloud.
         not_finite: A coordinate is NaN or infinite.
-        behind: Not ahead of the camera (X <= 0).
+        behind: Not ahead of the camera (X <= 0; by z of a fisheye beyond 85 degrees off the axis).
         outside: Ahead, but not in the image (or not in the range view).
         too_far: In the image, but beyond `max_range`.
         too_near: In the image, but nearer than `min_range`, or at the camera's centre.
@@ -102,6 +102,14 @@ class DepthMap:
     stats: RenderStats
     filters: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Size, camera model, kind of depth, and how much of the image is not empty."""
+        height, width = self.depth.shape
+        return (
+            f"DepthMap({width} x {height} px, {type(self.camera).__name__}, {self.kind}, "
+            f"{(self.depth > 0).mean():.1%} not empty)"
+        )
+
     def save(self, path: str | os.PathLike[str], encoding: EncodingName | None = None) -> None:
         """Write the map; the suffix chooses the format.
 
@@ -129,7 +137,8 @@ class DepthMap:
             One point for each pixel that is not empty, row by row, in the world frame; with the
             attributes `column`, `row` [px], `index` (of the point in the rendered cloud) and
             `state`. Rendered again by the same camera they give the same pixels, and the same
-            depth but for the rounding to float32.
+            depth but for the rounding to float32. Only pixels whose own centre is just beyond the
+            edge of what the lens draws, or of z depth (see `DepthKind`), have no point.
         """
         from depthwarp.cloud import PointCloud
 

@@ -14,15 +14,42 @@ from depthwarp.errors import InputError
 __all__ = ["DepthMaps"]
 
 
+MOST_SHOWN = 4
+"""Maps that the text of a batch tells of."""
+
+
 class DepthMaps:
     """The depth maps of a batch, in the order of its cameras.
 
     Args:
         maps: The maps; sizes and camera models may differ.
+        names: The cameras' names, all different, if they have some.
+
+    Raises:
+        InputError: Another number of names than of maps.
+
+    Example:
+        >>> import numpy as np, depthwarp as dw
+        >>> cloud = dw.PointCloud(np.array([[2.0, 0.0, 0.0]], np.float32))
+        >>> camera = dw.PinholeCamera.from_fov((60, 45), (4, 3))
+        >>> maps = dw.render_batch(cloud, {"left": camera, "right": camera}, device="cpu")
+        >>> maps["right"]
+        DepthMap(4 x 3 px, PinholeCamera, range, 8.3% not empty)
     """
 
-    def __init__(self, maps: Sequence[DepthMap]) -> None:
+    def __init__(self, maps: Sequence[DepthMap], names: Sequence[str] | None = None) -> None:
         self._maps = tuple(maps)
+        self._names = None if names is None else tuple(names)
+        if self._names is not None and len(self._names) != len(self._maps):
+            raise InputError(
+                f"names must be one for each map, got {len(self._names)} names and "
+                f"{len(self._maps)} maps"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...] | None:
+        """The cameras' names, in order; None of a batch of a list."""
+        return self._names
 
     def __len__(self) -> int:
         """The number of views."""
@@ -32,17 +59,41 @@ class DepthMaps:
         """The maps of all views, in order."""
         return iter(self._maps)
 
+    def __repr__(self) -> str:
+        """How many maps, their names, and what the first ones are."""
+        labels = [""] * len(self) if self._names is None else [f"{n}: " for n in self._names]
+        shown = [
+            f"{label}{depth_map!r}"
+            for label, depth_map in zip(labels[:MOST_SHOWN], self._maps[:MOST_SHOWN], strict=True)
+        ]
+        more = ", ..." if len(self) > MOST_SHOWN else ""
+        return f"DepthMaps of {len(self)} views ({', '.join(shown)}{more})"
+
     @overload
-    def __getitem__(self, view: int) -> DepthMap: ...
+    def __getitem__(self, view: int | str) -> DepthMap: ...
 
     @overload
     def __getitem__(self, view: slice) -> DepthMaps: ...
 
-    def __getitem__(self, view: int | slice) -> DepthMap | DepthMaps:
-        """The map of a view, or the maps of some."""
+    def __getitem__(self, view: int | str | slice) -> DepthMap | DepthMaps:
+        """The map of a view, by number or by name, or the maps of some.
+
+        Raises:
+            IndexError: There is no view of that number.
+            KeyError: There is no view of that name; the message lists those that there are.
+        """
         if isinstance(view, slice):
-            return DepthMaps(self._maps[view])
+            return DepthMaps(self._maps[view], None if self._names is None else self._names[view])
+        if isinstance(view, str):
+            return self._maps[self._number_of(view)]
         return self._maps[view]
+
+    def _number_of(self, name: str) -> int:
+        if self._names is None:
+            raise KeyError(f"no view '{name}': the batch was rendered of a list, without names")
+        if name not in self._names:
+            raise KeyError(f"no view '{name}'; there are {', '.join(self._names)}")
+        return self._names.index(name)
 
     @property
     def depth(self) -> npt.NDArray[np.float32]:

@@ -14,7 +14,9 @@ from depthwarp.errors import CapacityError, DeviceError
 __all__ = ["check_memory", "free_memory", "resolve_device", "usable_cores"]
 
 # A library does not write to its caller's stdout: Warp's greeting and its compile messages stay
-# away unless the program asks for them (wp.config.log_level, set after this import).
+# away unless the program asks for them (wp.config.log_level, set after this import). On machines
+# without a GPU one line of its native code remains: it goes straight to the process's stderr, which
+# a library must not redirect, since other threads write there too.
 if wp.config.log_level == wp.LOG_INFO:
     wp.config.log_level = wp.LOG_WARNING
 

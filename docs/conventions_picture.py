@@ -59,13 +59,20 @@ def draw_pixels(axes: Any) -> None:
             axes.text(u, v + 0.28, f"({u}, {v})", ha="center", fontsize=9.5, color=INK)
     axes.annotate("", (1.2, -0.82), (-0.5, -0.82), arrowprops={"arrowstyle": "-|>", "color": LEFT})
     axes.text(1.3, -0.76, "u, columns", color=LEFT, fontsize=11)
-    axes.annotate("", (-0.82, 1.2), (-0.82, -0.5), arrowprops={"arrowstyle": "-|>", "color": UP})
-    axes.text(-0.94, 1.95, "v, rows", color=UP, fontsize=11, rotation=90)
-    axes.text(-0.5, rows - 0.12, "u = -0.5", ha="center", fontsize=10)
-    axes.text(
-        columns - 0.5, rows - 0.12, f"width - 0.5 = {columns - 0.5}", ha="center", fontsize=10
-    )
-    axes.set(xlim=(-1.1, columns + 0.3), ylim=(rows + 0.25, -1.1), aspect="equal")
+    axes.annotate("", (-0.95, 1.2), (-0.95, -0.5), arrowprops={"arrowstyle": "-|>", "color": UP})
+    axes.text(-0.95, 2.35, "v, rows", color=UP, fontsize=11, rotation=90, ha="center")
+    right, bottom = columns - 0.5, rows - 0.5
+    for u, name, side in ((-0.5, "-0.5", "center"), (right, f"width - 0.5 = {right}", "right")):
+        axes.plot((u, u), (bottom, bottom + 0.12), color=INK, lw=1.2)
+        axes.text(u, bottom + 0.36, name, ha=side, fontsize=10, color=LEFT)
+    for v, name, side in (
+        (-0.5, "-0.5", "center"),
+        (bottom, f"height\n- 0.5\n= {bottom}", "bottom"),
+    ):
+        axes.plot((right, right + 0.12), (v, v), color=INK, lw=1.2)
+        axes.text(right + 0.2, v, name, va=side, fontsize=10, color=UP)
+    axes.text(0.5 * (right - 0.5), bottom + 0.75, "centres are (u, v)", ha="center", fontsize=10)
+    axes.set(xlim=(-1.2, columns + 0.55), ylim=(rows + 0.45, -1.1), aspect="equal")
     axes.axis("off")
 
 

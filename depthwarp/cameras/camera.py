@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import warnings
 from abc import ABC, abstractmethod
 from functools import cached_property
@@ -11,21 +12,25 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeVar, runtim
 import numpy as np
 import numpy.typing as npt
 
-from depthwarp.cameras.pose import Pose
-from depthwarp.checks import check_choice
+from depthwarp.cameras.pose import Pose, check_pose
+from depthwarp.checks import check_choice, check_points
 from depthwarp.errors import InputError, LensDomainWarning
 
 __all__ = ["Camera", "DepthImage", "DepthKind", "DeviceLens"]
 
 DepthKind = Literal["range", "z"]
 """`range`: distance along the ray, for most models the Euclidean distance from the camera's centre.
-`z`: distance along the optical axis."""
+`z`: distance along the optical axis; of a lens that sees beside itself only up to 85 degrees from
+the axis: near 90 degrees z goes to 0 whatever the distance."""
 
 Float64Array = npt.NDArray[np.float64]
 AnyCamera = TypeVar("AnyCamera", bound="Camera")
 
 DOMAIN_GRID = 65
 """Pixels a side at which a lens's domain is compared with its image."""
+
+LEAST_Z_COSINE = math.cos(math.radians(85))
+"""Where z depth ends for lenses that see beside themselves, as in the kernel."""
 
 
 @runtime_checkable
@@ -68,6 +73,8 @@ class Camera(ABC):
     pose: Pose
     depth_kinds: ClassVar[tuple[DepthKind, ...]] = ("range", "z")
     """The kinds of depth that the model has."""
+    ahead_only: ClassVar[bool] = True
+    """Whether the model sees nothing beside and behind itself."""
 
     @abstractmethod
     def image_of(self, points_camera: Float64Array) -> tuple[Float64Array, Float64Array]:
@@ -107,7 +114,12 @@ class Camera(ABC):
         return ()
 
     def with_pose(self: AnyCamera, pose: Pose) -> AnyCamera:
-        """The same lens at another place."""
+        """The same lens at another place.
+
+        Raises:
+            InputError: Not a `Pose`.
+        """
+        check_pose("pose", pose)
         camera = copy.copy(self)  # not made anew: nothing of the lens is checked or computed again
         object.__setattr__(camera, "pose", pose)
         return camera
@@ -132,8 +144,11 @@ class Camera(ABC):
     ) -> Float64Array:
         """Points of the camera frame that pixels see at a depth, shape (..., 3)."""
         rays = self.directions(u, v)
-        way = depth / rays[..., 0] if kind == "z" else depth
-        return rays * way[..., None]
+        if kind != "z":
+            return rays * depth[..., None]
+        least = 0.0 if self.ahead_only else LEAST_Z_COSINE
+        ahead = np.where(rays[..., 0] > least, rays[..., 0], np.nan)
+        return rays * (depth / ahead)[..., None]
 
     def project(
         self, points_world: npt.NDArray[np.floating], depth: DepthKind = "range"
@@ -146,19 +161,22 @@ class Camera(ABC):
 
         Returns:
             Columns u [px], rows v [px] and depth [m], each (N,) float64, NaN where the point is
-            outside the lens's domain, at the camera's centre or not finite; and a mask (N,), true
+            outside the lens's domain, at the camera's centre or not finite, or has no z (see
+            `DepthKind`); and a mask (N,), true
             where the pixel `(floor(u + 0.5), floor(v + 0.5))` lies in the image.
 
         Raises:
-            InputError: A kind of depth that the model does not have.
+            InputError: Points of another shape, or a kind of depth that the model does not have.
         """
         self.check_kind(depth)
         with np.errstate(all="ignore"):
-            points = self.to_camera(np.asarray(points_world))
+            points = self.to_camera(check_points(points_world))
             points[~np.isfinite(points).all(axis=1)] = np.nan
             points[(points == 0).all(axis=1)] = np.nan  # at the centre: in no direction
             if depth == "z":
-                points[points[:, 0] <= 0] = np.nan
+                wide = not self.ahead_only
+                least = LEAST_Z_COSINE * np.linalg.norm(points, axis=1) if wide else 0.0
+                points[points[:, 0] <= least] = np.nan
             u, v = self.image_of(points)
             distance = np.where(np.isnan(u), np.nan, self.depth_of(points, depth))
             column, row = np.floor(u + 0.5), np.floor(v + 0.5)
@@ -177,7 +195,7 @@ class Camera(ABC):
 
         Returns:
             Points on the rays through the pixels' centres [m], shape (height, width, 3), float64;
-            NaN where the image is empty or no ray meets the pixel.
+            NaN where the image is empty, no ray meets the pixel, or its ray has no z.
 
         Raises:
             InputError: Another shape than the camera's, or a kind that the model does not have.
@@ -206,8 +224,8 @@ class Camera(ABC):
         check_choice("depth", kind, ("range", "z"))
         if kind not in self.depth_kinds:
             raise InputError(
-                f"depth='z' is measured along an optical axis, which a {type(self).__name__} does "
-                "not have: use depth='range'"
+                f"{type(self).__name__} has no optical axis to measure depth='z' along: use "
+                "depth='range'"
             )
 
     def lost_share(self) -> float:
@@ -217,15 +235,23 @@ class Camera(ABC):
         u, v = np.meshgrid(columns, rows)
         return float(np.isnan(self.directions(u, v)[..., 0]).mean())
 
+    def why_lost(self) -> str:
+        """Why pixels are without a ray, and what to do if that should not be."""
+        return (
+            "the lens model ends or folds back before; those pixels stay empty. If the lens does "
+            "see them, check the coefficients and their order, or calibrate with views up to the "
+            "corners"
+        )
+
     def warn_of_lost_pixels(self) -> None:
         """Warn where the domain is smaller than the image: some pixels will never be drawn."""
         share = self.lost_share()
         if share > 0:
+            # Of larger images the share is that of the grid's pixels.
+            about = "about " if max(self.size) > DOMAIN_GRID else ""
             warnings.warn(
-                f"{type(self).__name__}: no ray reaches {share:.1%} of the {self.width} x "
-                f"{self.height} image: the lens model ends or folds back before; those pixels stay "
-                "empty. If the lens does see them, check the coefficients and their order, or "
-                "calibrate with views up to the corners",
+                f"{type(self).__name__}: no ray reaches {about}{max(share, 0.001):.1%} of the "
+                f"{self.width} x {self.height} image: {self.why_lost()}",
                 LensDomainWarning,
                 stacklevel=4,
             )

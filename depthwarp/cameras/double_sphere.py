@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from depthwarp.cameras.camera import Camera, DeviceLens
 from depthwarp.cameras.limits import cone_limits
-from depthwarp.cameras.pose import Pose
+from depthwarp.cameras.pose import Pose, check_pose
 from depthwarp.checks import check_finite_vector, check_positive, check_size
 from depthwarp.errors import InputError
 
@@ -24,6 +24,8 @@ Float64Array = npt.NDArray[np.float64]
 @dataclass(frozen=True)
 class DoubleSphereCamera(Camera):
     """A double sphere camera (Usenko, Demmel, Cremers 2018), equations (40) to (50) there.
+
+    It sees beside and behind itself as far as its numbers let it, of z depth up to 85 degrees.
 
     Attributes:
         fx: Focal length along columns [px].
@@ -53,6 +55,8 @@ class DoubleSphereCamera(Camera):
     height: int
     pose: Pose
 
+    ahead_only: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         check_positive("fx", self.fx, "pixels")
         check_positive("fy", self.fy, "pixels")
@@ -61,6 +65,7 @@ class DoubleSphereCamera(Camera):
             raise InputError(f"xi must be above -1 and below 1, got {self.xi}")
         if not 0 <= self.alpha < 1:
             raise InputError(f"alpha must be from 0 to below 1, got {self.alpha}")
+        check_pose("pose", self.pose)
         width, height = check_size((self.width, self.height))
         object.__setattr__(self, "width", width)
         object.__setattr__(self, "height", height)

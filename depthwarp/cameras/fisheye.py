@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from depthwarp.cameras.camera import Camera, DeviceLens
 from depthwarp.cameras.inversion import first_positive_root, invert_increasing
 from depthwarp.cameras.limits import cone_limits
 from depthwarp.cameras.pinhole import intrinsics_of
-from depthwarp.cameras.pose import Pose
+from depthwarp.cameras.pose import Pose, check_pose
 from depthwarp.checks import check_finite_vector, check_positive, check_size
 from depthwarp.errors import InputError
 
@@ -33,7 +33,7 @@ class FisheyeCamera(Camera):
     A ray at the angle theta from the optical axis is drawn at the distance theta (1 + k1 theta^2 +
     k2 theta^4 + k3 theta^6 + k4 theta^8) from the principal point, times fx or fy. Its domain ends
     where that stops to grow, or at 180 degrees: points beside and behind the camera are drawn
-    where the lens sees them. Source: Kannala, Brandt 2006.
+    where the lens sees them, of z depth those up to 85 degrees. Source: Kannala, Brandt 2006.
 
     Attributes:
         fx: Focal length along columns [px/rad].
@@ -69,10 +69,13 @@ class FisheyeCamera(Camera):
     pose: Pose
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
 
+    ahead_only: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         check_positive("fx", self.fx, "pixels")
         check_positive("fy", self.fy, "pixels")
         check_finite_vector("principal point (cx, cy)", (self.cx, self.cy), 2)
+        check_pose("pose", self.pose)
         width, height = check_size((self.width, self.height))
         object.__setattr__(self, "width", width)
         object.__setattr__(self, "height", height)
@@ -125,6 +128,15 @@ class FisheyeCamera(Camera):
         k1, k2, k3, k4 = self.distortion
         growth = np.polynomial.Polynomial([1, 3 * k1, 5 * k2, 7 * k3, 9 * k4])
         return min(math.sqrt(first_positive_root(growth)), math.pi)
+
+    def why_lost(self) -> str:
+        """Why pixels are without a ray; see `Camera.why_lost`."""
+        if self.max_angle < math.pi:
+            return super().why_lost()
+        return (
+            "the lens's circle ends there, at 180 degrees from the axis; the pixels around it stay "
+            "empty. If the lens does see them, fx and fy are too small"
+        )
 
     def image_of(self, points_camera: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Columns u and rows v of points in the camera frame; see `Camera.image_of`."""

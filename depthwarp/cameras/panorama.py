@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from depthwarp.cameras.camera import Camera, DepthKind, DeviceLens
-from depthwarp.cameras.pose import Pose, PositionFrame
+from depthwarp.cameras.pose import Pose, PositionFrame, check_pose
 from depthwarp.checks import check_finite_vector, check_size
 from depthwarp.errors import InputError
 
@@ -34,10 +34,12 @@ class _Panorama(Camera):
     elevations: tuple[float, float]
 
     depth_kinds: ClassVar[tuple[DepthKind, ...]] = ("range",)
+    ahead_only: ClassVar[bool] = False
     steepest: ClassVar[float]
     default_elevations: ClassVar[tuple[float, float]]
 
     def __post_init__(self) -> None:
+        check_pose("pose", self.pose)
         width, height = check_size((self.width, self.height))
         object.__setattr__(self, "width", width)
         object.__setattr__(self, "height", height)

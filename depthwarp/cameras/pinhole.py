@@ -14,10 +14,11 @@ import numpy.typing as npt
 from depthwarp.cameras.brown import BrownDistortion
 from depthwarp.cameras.camera import Camera, DeviceLens
 from depthwarp.cameras.limits import plane_limits
-from depthwarp.cameras.pose import Pose, PositionFrame
+from depthwarp.cameras.pose import Pose, PositionFrame, check_pose
 from depthwarp.checks import (
     check_finite_vector,
     check_fov,
+    check_matrix,
     check_positive,
     check_size,
 )
@@ -75,6 +76,7 @@ class PinholeCamera(Camera):
         check_positive("fx", self.fx, "pixels")
         check_positive("fy", self.fy, "pixels")
         check_finite_vector("principal point (cx, cy)", (self.cx, self.cy), 2)
+        check_pose("pose", self.pose)
         width, height = check_size((self.width, self.height))
         object.__setattr__(self, "width", width)
         object.__setattr__(self, "height", height)
@@ -221,9 +223,7 @@ def intrinsics_of(K: npt.ArrayLike) -> tuple[float, float, float, float]:
         InputError: Wrong shape, numbers that are not finite, skew, or a last row that is not
             (0, 0, 1).
     """
-    matrix = np.asarray(K, dtype=np.float64)
-    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-        raise InputError(f"K must be a finite 3 x 3 matrix, got shape {matrix.shape}")
+    matrix = check_matrix("K", K, 3)
     if matrix[0, 1] != 0 or matrix[1, 0] != 0 or tuple(matrix[2]) != (0.0, 0.0, 1.0):
         raise InputError(
             f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew, got {matrix.tolist()}"

@@ -10,10 +10,16 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from depthwarp.checks import check_choice, check_finite_vector
+from depthwarp.checks import check_choice, check_finite_vector, check_matrix
 from depthwarp.errors import InputError
 
-__all__ = ["OPTICAL_FROM_CAMERA", "Pose", "PositionFrame", "rotation_camera_from_world"]
+__all__ = [
+    "OPTICAL_FROM_CAMERA",
+    "Pose",
+    "PositionFrame",
+    "check_pose",
+    "rotation_camera_from_world",
+]
 
 Float64Array = npt.NDArray[np.float64]
 PositionFrame = Literal["world", "rotated"]
@@ -25,6 +31,23 @@ OPTICAL_FROM_CAMERA: Float64Array = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]
 
 MAX_ROTATION_ERROR = 1e-4
 """Largest entry of R R^T - I that is taken as rounding of a rotation matrix written to a file."""
+
+MOST_ROTATION_ERROR = 1e-3
+"""The same of a pose in memory, which may be the product of several such matrices."""
+
+
+def check_pose(name: str, value: object) -> None:
+    """Refuse what is not a pose.
+
+    Raises:
+        InputError: Something else; the message names what makes a pose.
+    """
+    if not isinstance(value, Pose):
+        raise InputError(
+            f"{name} must be a Pose, got {type(value).__name__}: "
+            "Pose.from_orientation(position, orientation), or Pose.from_optical(matrix) of a "
+            "4 x 4 matrix from world to optical axes"
+        )
 
 
 def rotation_camera_from_world(orientation: Sequence[float]) -> Float64Array:
@@ -57,11 +80,20 @@ class Pose:
         position: Subtracted in the world frame, before the rotation [m].
         shift: Subtracted in the rotated frame, after the rotation [m]. One of the two is zero in
             every pose that depthwarp builds; both exist because the paper shifts after rotating.
+
+    Raises:
+        InputError: Numbers that are not finite, or a matrix that is not a rotation.
     """
 
     camera_from_world: Matrix3
     position: Vector3
     shift: Vector3 = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "camera_from_world", _checked_rows(self.camera_from_world))
+        for name in ("position", "shift"):
+            object.__setattr__(self, name, check_finite_vector(name, getattr(self, name), 3))
+        _check_rotation("camera_from_world", self.camera_from_world, MOST_ROTATION_ERROR)
 
     @classmethod
     def from_orientation(
@@ -101,24 +133,16 @@ class Pose:
             InputError: Wrong shape, not finite, or the upper 3 x 3 is not a rotation (the message
                 says by how much).
         """
-        transform = np.asarray(optical_from_world, dtype=np.float64)
-        if transform.shape != (4, 4) or not np.isfinite(transform).all():
-            raise InputError(
-                f"optical_from_world must be a finite 4 x 4 matrix, got shape {transform.shape}"
-            )
+        transform = check_matrix("optical_from_world", optical_from_world, 4)
         if not np.allclose(transform[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
             raise InputError(
-                f"optical_from_world must end in the row (0, 0, 0, 1), got {tuple(transform[3])}; "
-                "a matrix for row vectors has to be transposed"
+                "optical_from_world must end in the row (0, 0, 0, 1), got "
+                f"{tuple(transform[3].tolist())}; a matrix for row vectors has to be transposed"
             )
         rotation = transform[:3, :3]
-        error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-        if error > MAX_ROTATION_ERROR or np.linalg.det(rotation) < 0:
-            raise InputError(
-                "optical_from_world: the upper 3 x 3 is not a rotation "
-                f"(R R^T differs from the identity by {error:.3g}, "
-                f"determinant {np.linalg.det(rotation):.6g})"
-            )
+        _check_rotation(
+            "optical_from_world: the upper 3 x 3", _matrix3(rotation), MAX_ROTATION_ERROR
+        )
         # Not -R^T t: a rotation rounded in a file would move a far translation.
         position: Float64Array = -np.linalg.solve(rotation, transform[:3, 3]).astype(np.float64)
         return cls(_matrix3(OPTICAL_FROM_CAMERA.T @ rotation), _vector3(position))
@@ -177,3 +201,39 @@ def _vector3(values: Sequence[float] | Float64Array) -> Vector3:
 
 def _matrix3(matrix: Float64Array) -> Matrix3:
     return _vector3(matrix[0]), _vector3(matrix[1]), _vector3(matrix[2])
+
+
+def _checked_rows(matrix: object) -> Matrix3:
+    """Rows of a 3 x 3 matrix of finite numbers."""
+    rows = matrix.tolist() if isinstance(matrix, np.ndarray) else matrix
+    if not isinstance(rows, list | tuple) or len(rows) != 3:
+        raise InputError(f"camera_from_world must be a 3 x 3 matrix, got {matrix!r}")
+    first, second, third = (check_finite_vector("a row of camera_from_world", r, 3) for r in rows)
+    return first, second, third  # type: ignore[return-value]
+
+
+def _check_rotation(name: str, matrix: Matrix3, most: float) -> None:
+    """Refuse a matrix whose R R^T differs from the identity by more than `most`, or a mirror.
+
+    Without NumPy: poses are made in great numbers, and of nine numbers this is ten times faster.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    error = max(
+        abs(a * a + b * b + c * c - 1),
+        abs(d * d + e * e + f * f - 1),
+        abs(g * g + h * h + i * i - 1),
+        abs(a * d + b * e + c * f),
+        abs(a * g + b * h + c * i),
+        abs(d * g + e * h + f * i),
+    )
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    if error > most:
+        raise InputError(
+            f"{name} is not a rotation (R R^T differs from the identity by {error:.3g}, "
+            f"determinant {determinant:.6g})"
+        )
+    if determinant < 0:
+        raise InputError(
+            f"{name} is not a rotation but a mirror image (determinant {determinant:.6g}): one "
+            "axis points the wrong way"
+        )

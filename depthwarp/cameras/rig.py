@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from depthwarp.cameras.camera import Camera
-from depthwarp.cameras.pose import Pose
+from depthwarp.cameras.pose import Pose, check_pose
 from depthwarp.errors import InputError
 
 __all__ = ["Rig"]
@@ -61,7 +61,7 @@ class Rig(Mapping[str, Camera]):
             if not isinstance(name, str):
                 raise InputError(f"a camera's name in a rig must be text, got {name!r}")
             if not isinstance(camera, Camera):
-                raise InputError(f"a rig holds cameras, '{name}' is a {type(camera).__name__}")
+                raise InputError(f"a rig holds cameras, got {type(camera).__name__} as '{name}'")
         if len(self._by_name) < len(self.names):
             name = Counter(self.names).most_common(1)[0][0]
             raise InputError(f"names in a rig must all be different, '{name}' stands twice")
@@ -92,7 +92,11 @@ class Rig(Mapping[str, Camera]):
 
         Args:
             pose: The rig's pose in the new world.
+
+        Raises:
+            InputError: Not a `Pose`.
         """
+        check_pose("pose", pose)
         return Rig(self.names, tuple(_moved(camera, pose) for camera in self.cameras))
 
     def __getitem__(self, name: str) -> Camera:

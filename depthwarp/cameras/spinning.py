@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from depthwarp.cameras.camera import Camera, DepthKind, DeviceLens
 from depthwarp.cameras.motion import poses_between
-from depthwarp.cameras.pose import OPTICAL_FROM_CAMERA, Pose
+from depthwarp.cameras.pose import OPTICAL_FROM_CAMERA, Pose, check_pose
 from depthwarp.checks import check_finite_vector, check_size
 from depthwarp.errors import InputError
 
@@ -25,8 +25,8 @@ Float64Array = npt.NDArray[np.float64]
 MOST_OFFSET = 30.0
 """Greatest azimuth offset of a beam [degrees]: real sensors stay below 10."""
 
-MOVING_STEPS = 4
-"""Steps that find the column in which a moving sensor meets a point, as in the kernel."""
+MOVING_STEPS, STEEPEST = 5, 0.5
+"""How the column is found in which a moving sensor meets a point, as in the kernel."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,10 @@ class SpinningLidar(Camera):
         origin_offset: Distance of the beams' origins from the axis [m].
         pose_end: If the sensor moves: its pose one full turn after `pose`, moving evenly (position
             linear, rotation about a fixed axis). Every column then has its own pose (rolling
-            shutter). None: it stands still.
+            shutter). `project` and `unproject` are each other's inverse, to 0.01 px up to 2 m and
+            60 degrees a turn for points farther than 2 m, but at the seam: a sensor that turns on
+            with its spin sees a part of the world twice, of which `project` gives one column; of
+            one that turns against it a part is never seen, and not drawn. None: it stands still.
 
     Raises:
         InputError: Fewer than two beams, equal ones, numbers that are not finite or out of range.
@@ -71,6 +74,7 @@ class SpinningLidar(Camera):
     pose_end: Pose | None = None
 
     depth_kinds: ClassVar[tuple[DepthKind, ...]] = ("range",)
+    ahead_only: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         beams = np.ravel(np.asarray(self.beam_elevations, dtype=np.float64))
@@ -81,6 +85,9 @@ class SpinningLidar(Camera):
             raise InputError("beam_elevations must be above -90 and below 90 degrees")
         if len(set(elevations)) < len(elevations):
             raise InputError("beam_elevations must all be different: a row is one beam")
+        check_pose("pose", self.pose)
+        if self.pose_end is not None:
+            check_pose("pose_end", self.pose_end)
         width, _ = check_size((self.width, beams.size))
         if width < 2:
             raise InputError(f"width must be at least 2 columns a turn, got {width}")
@@ -96,7 +103,12 @@ class SpinningLidar(Camera):
             )
 
     def with_pose(self, pose: Pose) -> SpinningLidar:
-        """The same sensor at another place; if it moves, it moves in the same way from there."""
+        """The same sensor at another place; if it moves, it moves in the same way from there.
+
+        Raises:
+            InputError: Not a `Pose`.
+        """
+        check_pose("pose", pose)
         if self.pose_end is None:
             return dataclasses.replace(self, pose=pose)
         start, end = self.pose, self.pose_end
@@ -154,12 +166,37 @@ class SpinningLidar(Camera):
         if self.pose_end is None:
             return self.pose.to_camera(points_world)
         points = points_world.astype(np.float64)
-        placed = self._placed(points, np.full(len(points), 0.5 * (self.width - 1)))
+        moments = np.full(len(points), 0.5 * (self.width - 1))
+        before, azimuth_before, slope = moments, np.zeros(len(points)), np.zeros(len(points))
+        passed = np.zeros(len(points), dtype=bool)
+        placed = self._placed(points, moments)
         for _ in range(MOVING_STEPS):
             u, _, _ = self._nearest(placed)
             met = np.isfinite(u)
-            placed[met] = self._placed(points[met], np.clip(u[met], 0, self.width - 1))
+            azimuth = self.fx * np.arctan2(placed[:, 1], placed[:, 0])
+            moved = np.where(met & (np.abs(moments - before) >= 1), moments - before, np.nan)
+            secant = self._within_half(azimuth_before - azimuth) / moved
+            slope = np.where(np.isnan(moved), slope, np.clip(secant, -STEEPEST, STEEPEST))
+            before, azimuth_before = moments, azimuth
+            passed = np.where(met, np.abs(u - moments) > 0.5 * self.width, passed)
+            step = self._within_half(u - moments) / (1 - slope)
+            after = self._within_turn(moments + step, self.width / (1 - slope))
+            moments = np.where(met, after, moments)
+            placed = self._placed(points, moments)
+        placed[passed] = np.nan
         return placed
+
+    def _within_half(self, way: Float64Array) -> Float64Array:
+        """Ways in columns, the shorter ones round the turn."""
+        return np.asarray(way - self.width * np.round(way / self.width))
+
+    def _within_turn(self, moments: Float64Array, around: Float64Array) -> Float64Array:
+        """Moments of the turn: these, those a turn around them, or else those at the seam."""
+        end = self.width - 0.5
+        other = np.where(moments < -0.5, moments + around, moments - around)
+        beyond = (moments < -0.5) | (moments >= end)
+        reached = (other >= -0.5) & (other < end)
+        return np.clip(np.where(beyond & reached, other, moments), 0, self.width - 1)
 
     def to_world(self, points_camera: Float64Array, u: Float64Array) -> Float64Array:
         """Points that the sensor met in columns u, shape (..., 3), in the world frame."""

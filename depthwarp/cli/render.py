@@ -20,6 +20,7 @@ from depthwarp.cli.view_options import (
     PoseOptions,
     RangeOptions,
     described_view,
+    is_optical_frame,
     view_of_file,
 )
 from depthwarp.errors import InputError, LensDomainWarning
@@ -136,8 +137,15 @@ def render(
         if camera is None:
             view = described_view(pose, fov, size, ranges, camera_name)
         else:
-            with _say_warnings(reporter):
+            with _say_warnings(reporter, camera):
                 view = view_of_file(camera, camera_name, pose, fov, size, ranges)
+            if position is None and is_optical_frame(view):
+                reporter.say(
+                    f"{camera} says no pose: the cloud is taken to be in the camera's optical "
+                    "frame (X right, Y down, Z forward); --position and --orientation place it"
+                )
+        if isinstance(view, dw.Camera):
+            view.check_kind(depth.value)
         encoding_name: EncodingName | None = None if encoding is None else encoding.value
         check_output(output, encoding_name, max_range)
         _check_inputs_survive(output, cloud, camera)
@@ -165,13 +173,14 @@ def render(
 
 
 @contextmanager
-def _say_warnings(reporter: Reporter) -> Iterator[None]:
-    """Show warnings as lines for people, without the place in the source that raised them."""
+def _say_warnings(reporter: Reporter, path: Path | None = None) -> Iterator[None]:
+    """Show warnings, of a file, as lines for people, without the place in the source."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", LensDomainWarning)
         yield
     for warning in caught:
-        reporter.say(f"warning: {warning.message}")
+        of_file = "" if path is None else f"{path}: "
+        reporter.say(f"warning: {of_file}{warning.message}")
 
 
 def _check_inputs_survive(output: Path, *inputs: Path | None) -> None:

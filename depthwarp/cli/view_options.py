@@ -6,13 +6,24 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from depthwarp.errors import InputError
+from depthwarp.errors import FileFormatError, InputError
 
 if TYPE_CHECKING:
     from depthwarp.cameras import Camera, PositionFrame
     from depthwarp.range_view import RangeView
 
-__all__ = ["FrameChoice", "PoseOptions", "RangeOptions", "described_view", "view_of_file"]
+__all__ = [
+    "FrameChoice",
+    "PoseOptions",
+    "RangeOptions",
+    "camera_of_file",
+    "described_view",
+    "is_optical_frame",
+    "view_of_file",
+]
+
+MOST_NAMES = 8
+"""Cameras of a file that a message lists."""
 
 Vector3 = tuple[float, float, float]
 
@@ -101,18 +112,58 @@ def view_of_file(
         InputError: Options that contradict the file, or half a pose.
         FileFormatError: The file holds no camera.
     """
-    from depthwarp.cameras import Pose, load
+    from depthwarp.cameras import Pose
 
     if fov is not None or any(given is not None for given in ranges):
         raise InputError(
             "--camera already says the lens: leave out --fov and the options of the range view"
         )
-    camera = load(path, name, size=size)
+    camera = camera_of_file(path, name, size)
     position, orientation, frame = pose
     if position is None and orientation is None:
         if frame is not None:
-            raise InputError("--position-frame belongs to --position and --orientation")
+            raise InputError(
+                "--position-frame belongs to --position and --orientation, without which the pose "
+                "is that of --camera"
+            )
         return camera
     if position is None or orientation is None:
         raise InputError("give both --position and --orientation, or neither for the file's own")
     return camera.with_pose(Pose.from_orientation(position, orientation, pose.frame))
+
+
+def is_optical_frame(camera: Camera) -> bool:
+    """Whether the world of a camera is its own optical frame: so files without a pose are read."""
+    from depthwarp.cameras import Pose
+
+    return camera.pose == Pose.from_optical(
+        [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    )
+
+
+def camera_of_file(path: Path, name: str | None, size: tuple[int, int] | None) -> Camera:
+    """One camera of a file; what is missing is asked for by the names of the options.
+
+    Raises:
+        InputError: The file holds several cameras and no name is given, or none of that name; or
+            its size is missing, or is not `size`.
+        FileFormatError: The file holds no camera.
+    """
+    from depthwarp.cameras import load_rig
+
+    try:
+        rig = load_rig(path, size=size)
+    except FileFormatError:
+        raise
+    except InputError as error:
+        if size is not None:
+            raise
+        raise InputError(f"{error}; on the command line: --size W H") from error
+    if name is None and len(rig) == 1:
+        return rig.cameras[0]
+    if name is not None and name in rig:
+        return rig[name]
+    some = ", ".join(rig.names[:MOST_NAMES]) + ", ..." * (len(rig) > MOST_NAMES)
+    if name is None:
+        raise InputError(f"{path} holds {len(rig)} cameras: --camera-name NAME, one of {some}")
+    raise InputError(f"{path} has no camera '{name}': --camera-name NAME, one of {some}")

@@ -47,6 +47,7 @@ def render_batch(
 
     Returns:
         The maps in the order of the cameras; of one size, `depth`, `index` and `state` stack them.
+        Those of a rig or a mapping have its names: `maps["left"]`.
 
     Raises:
         InputError: No camera, another number of clouds than of cameras, or what `render` refuses.
@@ -61,6 +62,12 @@ def render_batch(
         >>> dw.render_batch(cloud, turns, device="cpu").depth.shape
         (2, 3, 4)
     """
+    if isinstance(cameras, Camera | RangeView):
+        raise InputError(
+            "cameras must be several, in a list or a rig, got one "
+            f"{type(cameras).__name__}: [camera], or dw.render(cloud, camera)"
+        )
+    names = tuple(cameras) if isinstance(cameras, Mapping) else None
     views = list(cameras.values() if isinstance(cameras, Mapping) else cameras)
     if not views:
         raise InputError("cameras must be at least one")
@@ -85,7 +92,7 @@ def render_batch(
             together = RenderPlan([plans[number] for number in tile], config, target)
             together.render(points)
             maps.update(zip(tile, together.depth_maps(), strict=True))
-    return DepthMaps([maps[number] for number in range(len(views))])
+    return DepthMaps([maps[number] for number in range(len(views))], names)
 
 
 def _tiles(numbers: Sequence[int], size: tuple[int, int]) -> Iterator[Sequence[int]]:

@@ -58,7 +58,8 @@ class LensModel:
         struct: `wp.struct` of the model's numbers.
         project: `wp.func (lens, tables, p) -> vec3f`: column and row of a point in the camera
             frame [px], pixel centres at whole numbers; 1 inside the model's domain, 0 outside.
-        ahead_only: Whether points with X <= 0 are behind the camera.
+        ahead_only: Whether points with X <= 0 are behind the camera. Of other models, z depth ends
+            before that: see `splat.LEAST_Z_COSINE`.
         range_of: `wp.func (lens, p) -> float32`: way from where a ray starts to the point [m].
         place: `wp.func (view, lens, tables, point) -> vec3f`: the point in the camera frame.
         may_meet: `wp.func (view, center, radius) -> bool`, one of `cull`: whether a sphere in the

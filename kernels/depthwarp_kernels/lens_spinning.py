@@ -12,7 +12,8 @@ from depthwarp_kernels.lens import LensModel, nowhere
 from depthwarp_kernels.view import View, to_camera
 
 POSE_NUMBERS = 12
-MOVING_STEPS = 4  # each divides the error by about (a turn's own path) / (distance of the point)
+MOVING_STEPS = 5
+STEEPEST = wp.constant(0.5)  # columns that a point moves by, at most, while the head turns by one
 
 
 # fx: columns a radian. cx: column of azimuth 0 without offset. period: columns of a turn.
@@ -112,20 +113,57 @@ def place_at(lens: SpinningLens, tables: wp.array[wp.float32], moment: wp.float3
     return to_camera(point, rotation, position, wp.vec3f(0.0, 0.0, 0.0))
 
 
-# The column decides the pose and the pose the column: a few steps from the middle of the turn. A
-# point that no beam reaches from there still has a column, in which one may.
+@wp.func
+def within_half(way: wp.float32, period: wp.float32):
+    """A way in columns, the shorter one round the turn."""
+    half = 0.5 * period
+    return wp.where(way > half, way - period, wp.where(way < -half, way + period, way))
+
+
+# Where the way round the turn leads out of it, the one the other way round may not.
+@wp.func
+def within_turn(moment: wp.float32, around: wp.float32, period: wp.float32):
+    """A moment of the turn: this one, the one a turn `around` it, or else that at the seam."""
+    end = period - 0.5
+    other = wp.where(moment < -0.5, moment + around, moment - around)
+    beyond = moment < -0.5 or moment >= end
+    reached = other >= -0.5 and other < end
+    return wp.clamp(wp.where(beyond and reached, other, moment), 0.0, period - 1.0)
+
+
+# The column decides the pose and the pose the column: the secant method, from the middle of the
+# turn, on the azimuth, which does not jump from beam to beam as the column does. A point that no
+# beam reaches from there still has a column, in which one may; one that is passed at the seam has
+# none, and is put on the axis, where no beam looks.
 @wp.func
 def place_moving(view: View, lens: SpinningLens, tables: wp.array[wp.float32], point: wp.vec3f):
     """A world point in the frame that the sensor has when it meets it."""
-    last = lens.period - 1.0
-    p = place_at(lens, tables, 0.5 * last, point)
+    moment = 0.5 * (lens.period - 1.0)
+    before = moment
+    azimuth_before = float(0.0)
+    slope = float(0.0)
+    passed = bool(False)
+    p = place_at(lens, tables, moment, point)
     for _n in range(MOVING_STEPS):
         level = wp.sqrt(p[0] * p[0] + p[1] * p[1])
         way = level - lens.origin_offset
         if way > 0.0:
             u = column_of(lens, tables, p, level, nearest_beam(lens, tables, p[2] / way))
             if u >= -0.5:  # false for a point that is not finite
-                p = place_at(lens, tables, wp.clamp(u, 0.0, last), point)
+                azimuth = lens.fx * angle_of(p[1], p[0])
+                moved = moment - before
+                if wp.abs(moved) >= 1.0:
+                    secant = within_half(azimuth_before - azimuth, lens.period) / moved
+                    slope = wp.clamp(secant, -STEEPEST, STEEPEST)
+                before = moment
+                azimuth_before = azimuth
+                passed = wp.abs(u - moment) > 0.5 * lens.period
+                less = 1.0 - slope
+                step = within_half(u - moment, lens.period) / less
+                moment = within_turn(moment + step, lens.period / less, lens.period)
+                p = place_at(lens, tables, moment, point)
+    if passed:
+        return wp.vec3f(0.0, 0.0, 1.0)
     return p
 
 

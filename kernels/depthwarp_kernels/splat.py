@@ -5,6 +5,7 @@ minimum over keys is the nearest point and, on equal depth, the lowest index, wh
 of the points, the threads or the device.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -26,6 +27,7 @@ from depthwarp_kernels.view import (
     in_range_view,
     is_finite,
     pixel_of,
+    range_depth,
 )
 
 wp.set_module_options(EXACT)
@@ -41,6 +43,12 @@ TOO_NEAR = wp.constant(4)
 DRAWN = wp.constant(5)
 COUNT_COLUMNS = 6
 
+# Of lenses that see beside themselves, z is a depth only up to 85 degrees from the axis: beyond, a
+# pixel's width of angle is more than the depth. Blocks are ahead as a whole a degree before that.
+LEAST_Z_COSINE = wp.constant(math.cos(math.radians(85.0)))
+AHEAD_COSINE = wp.constant(math.cos(math.radians(84.0)))
+AHEAD_SINE = wp.constant(math.sin(math.radians(84.0)))
+
 
 @dataclass(frozen=True)
 class SplatConfig:
@@ -55,6 +63,11 @@ class SplatConfig:
     def ahead_only(self):
         """Whether points with X <= 0 are behind the camera."""
         return self.lens.ahead_only or self.depth == "z"
+
+    @property
+    def is_wide_z(self):
+        """Whether z is measured through a lens that sees beside itself."""
+        return self.depth == "z" and not self.lens.ahead_only
 
     @property
     def depth_of(self):
@@ -87,7 +100,9 @@ def reason_function(config: SplatConfig):
         reason = wp.where(in_image(view, pixel), reason, OUTSIDE)
         if wp.static(config.range_view):
             reason = wp.where(in_range_view(p, view.steps, view.line_count), reason, OUTSIDE)
-        if wp.static(config.ahead_only):
+        if wp.static(config.is_wide_z):
+            reason = wp.where(p[0] > LEAST_Z_COSINE * range_depth(p), reason, BEHIND)
+        elif wp.static(config.ahead_only):
             reason = wp.where(p[0] > 0.0, reason, BEHIND)
         else:
             # A point at the centre has no direction, so no pixel either.
@@ -121,6 +136,10 @@ def verdict_function(config: SplatConfig):
                 if center[0] <= -radius:
                     return ALL_BEHIND
                 if center[0] <= radius:
+                    return SEEN
+            if wp.static(config.is_wide_z):
+                aside = wp.sqrt(center[1] * center[1] + center[2] * center[2])
+                if center[0] * AHEAD_SINE - aside * AHEAD_COSINE <= radius:
                     return SEEN
             if may_meet(view, center, radius):
                 return SEEN

@@ -239,3 +239,9 @@ def twin_depth(camera: dw.Camera, xyz: XYZ, kind: str) -> np.ndarray:
 def sees_ahead_only(camera: dw.Camera, kind: str) -> bool:
     """Whether points behind are counted so."""
     return kind == "z" or isinstance(camera, dw.PinholeCamera | dw.OrthographicCamera)
+
+
+def least_z_cosine(camera: dw.Camera, kind: str) -> float:
+    """Cosine of the angle from the axis at which a kind of depth ends before 90 degrees, or 0."""
+    wide = isinstance(camera, dw.FisheyeCamera | dw.DoubleSphereCamera)
+    return float(np.cos(np.radians(85))) if wide and kind == "z" else 0.0

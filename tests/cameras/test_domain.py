@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import depthwarp as dw
-from tests.cameras.models import IDENTITY, MODELS, cameras_of, sees_ahead_only
+from depthwarp.errors import InputError
+from tests.cameras.models import IDENTITY, MODELS, cameras_of, quietly, sees_ahead_only
 from tests.rendering.strategies import clouds
 
 
@@ -95,3 +96,90 @@ def test_kernel_and_project_agree_on_what_is_drawn(device, model, data):
     # Beside the two, one on the edge of a domain, or between two beams, of which points repeat.
     assert abs(in_image - valid.sum()) <= np.count_nonzero(near) + 2
     assert stats.not_finite == 0
+
+
+@pytest.mark.parametrize("model", ["pinhole", "moving"])
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ([1, 2, 3], r"shape \(N, 3\), got \(3,\): one point is \[\[x, y, z\]\]"),
+        (np.ones((3, 4)), r"shape \(N, 3\), got \(3, 4\)$"),
+        (np.ones((2, 2, 3)), r"got \(2, 2, 3\)$"),
+        ("points", "must be numbers"),
+    ],
+)
+def test_points_of_another_shape_are_refused(model, points, message):
+    """The message says the shape, and of one point how to write it."""
+    with pytest.raises(InputError, match=f"^points_world.*{message}"):
+        camera_of(model).project(points)
+
+
+def test_two_numbers_are_no_size():
+    """`looking(720, 360)`: the size is one argument."""
+    with pytest.raises(InputError, match=r"one tuple \(width, height\), got 720"):
+        dw.EquirectangularCamera.looking(720, 360)
+
+
+def test_models_without_z_are_named_without_an_article():
+    """Whatever letter the model begins with."""
+    for camera in (camera_of("equirectangular"), camera_of("cylindrical")):
+        with pytest.raises(InputError, match=f"^{type(camera).__name__} has no optical axis"):
+            camera.check_kind("z")
+
+
+# --- z depth beside the axis ---
+
+WIDE = {
+    "fisheye": quietly(dw.FisheyeCamera, 60.0, 60.0, 127.5, 127.5, 256, 256, IDENTITY),
+    "double_sphere": quietly(
+        dw.DoubleSphereCamera, 60.0, 60.0, 127.5, 127.5, 0.2, 0.6, 256, 256, IDENTITY
+    ),
+}
+
+
+@pytest.mark.parametrize("model", WIDE)
+def test_z_ends_at_85_degrees(device, model):
+    """Rays at 84.9 degrees are drawn by z, those at 85.1 are behind; by range both are drawn."""
+    camera = WIDE[model]
+    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    points = np.concatenate(
+        [
+            3
+            * np.stack(
+                [np.full(12, np.cos(a)), np.sin(a) * np.cos(turn), np.sin(a) * np.sin(turn)], axis=1
+            )
+            for a in np.radians((84.9, 85.1, 95.0))
+        ]
+    ).astype(np.float32)
+    by_z = dw.render(dw.PointCloud(points), camera, depth="z", device=device).stats
+    assert (by_z.behind, by_z.drawn + by_z.hidden) == (24, 12)
+    assert camera.project(points, "z")[3].tolist() == [True] * 12 + [False] * 24
+    assert np.isnan(camera.project(points, "z")[2][12:]).all()
+    by_range = dw.render(dw.PointCloud(points), camera, device=device).stats
+    assert by_range.behind == 0 and by_range.drawn + by_range.hidden == 36
+
+
+@pytest.mark.parametrize("model", WIDE)
+def test_z_maps_of_wide_lenses_come_back(device, model):
+    """render, unproject, render by z: no point runs away, and pixels and depths stay."""
+    camera = WIDE[model]
+    points = np.random.default_rng(5).uniform(-6, 6, (100_000, 3)).astype(np.float32)
+    first = dw.render(dw.PointCloud(points), camera, depth="z", device=device)
+    depth = np.where(np.isfinite(camera.unproject(first)[..., 0]), first.depth, 0)
+    assert np.count_nonzero(depth) > 0.98 * np.count_nonzero(first.depth)  # but for the rim
+    cloud = first.unproject()
+    assert np.abs(cloud.points_world).max() < 100
+    again = dw.render(cloud, camera, depth="z", max_range=16.0, device=device)
+    np.testing.assert_array_equal(again.depth > 0, depth > 0)
+    np.testing.assert_allclose(again.depth, depth, rtol=2e-5)
+
+
+@pytest.mark.parametrize("model", WIDE)
+def test_prepared_clouds_count_what_z_cannot_see(device, model):
+    """Blocks that are passed over as a whole are counted as their points would be."""
+    camera = WIDE[model].with_pose(dw.Pose.from_orientation((0.3, -0.2, 0.1), (10, 20, 30)))
+    cloud = dw.PointCloud(np.random.default_rng(6).uniform(-6, 6, (50_000, 3)).astype(np.float32))
+    plain = dw.render(cloud, camera, depth="z", device=device)
+    prepared = dw.render(cloud.prepare(device=device), camera, depth="z", device=device)
+    assert plain.stats == prepared.stats
+    np.testing.assert_array_equal(plain.index, prepared.index)

@@ -172,3 +172,19 @@ def test_coefficients_that_are_not_four_numbers_are_refused(distortion):
     """By name."""
     with pytest.raises(InputError, match="distortion"):
         dw.FisheyeCamera(9, 9, 9, 9, 20, 20, IDENTITY, distortion)
+
+
+def test_a_circle_that_ends_in_the_image_is_no_fault():
+    """An equidistant lens ends at 180 degrees: the warning says so and blames no coefficient."""
+    with pytest.warns(LensDomainWarning, match="circle ends there, at 180 degrees") as caught:
+        dw.FisheyeCamera(20.0, 20.0, 79.5, 79.5, 160, 160, IDENTITY)
+    message = str(caught[0].message)
+    assert "coefficients" not in message and "no ray reaches about 5" in message
+
+
+def test_a_small_image_has_an_exact_share():
+    """Up to the grid's size every pixel is looked at, and nothing is only about right."""
+    with pytest.warns(LensDomainWarning) as caught:
+        camera = dw.FisheyeCamera(5.0, 5.0, 19.5, 19.5, 40, 40, IDENTITY)
+    rays = camera.directions(*np.meshgrid(np.arange(40), np.arange(40)))
+    assert f"reaches {np.isnan(rays[..., 0]).mean():.1%} of" in str(caught[0].message)

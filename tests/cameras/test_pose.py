@@ -156,9 +156,10 @@ def test_a_matrix_that_is_no_rotation_is_refused_with_its_error():
 
 
 def test_a_reflection_is_refused():
-    """Orthogonal, but of determinant -1: a mirrored world."""
-    with pytest.raises(InputError, match="not a rotation.*determinant -1"):
+    """Orthogonal, but of determinant -1: a mirrored world, in these words."""
+    with pytest.raises(InputError, match="not a rotation but a mirror image.*determinant -1") as e:
         dw.Pose.from_optical(np.diag([1.0, 1.0, -1.0, 1.0]))
+    assert "differs" not in str(e.value)
 
 
 @pytest.mark.parametrize(
@@ -194,3 +195,97 @@ def test_numbers_that_are_no_pose_are_refused(arguments, name):
     """The message begins with the argument's name."""
     with pytest.raises(InputError, match=f"^{name}"):
         dw.Pose.from_orientation(*arguments)
+
+
+IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        (np.eye(3) * 1.1, r"camera_from_world is not a rotation .* by 0\.21"),
+        (((1, 0.2, 0), (0, 1, 0), (0, 0, 1)), r"differs from the identity by 0\.2\b"),
+        (np.diag([1, -1, 1]), "mirror image"),
+        (((1, 0, 0), (0, math.nan, 0), (0, 0, 1)), r"a row of camera_from_world.*0\.0, nan, 0\.0"),
+        (np.eye(4), "3 x 3"),
+        ("pose", "3 x 3"),
+        (((1, 0), (0, 1), (0, 0)), "must be 3 finite numbers"),
+    ],
+    ids=["stretched", "sheared", "mirrored", "NaN", "4 x 4", "text", "3 x 2"],
+)
+def test_a_pose_is_checked_where_it_is_made(matrix, message):
+    """The constructor takes a rotation and nothing else."""
+    with pytest.raises(InputError, match=message):
+        dw.Pose(matrix, (0, 0, 0))
+
+
+@pytest.mark.parametrize("name", ["position", "shift"])
+@pytest.mark.parametrize("value", [(0, 0), (0, 0, math.inf), "here", 3])
+def test_places_are_checked_where_a_pose_is_made(name, value):
+    """Three finite numbers each."""
+    with pytest.raises(InputError, match=f"^{name} must be 3"):
+        dw.Pose(IDENTITY, **{"position": (0, 0, 0), name: value})
+
+
+def test_a_pose_of_arrays_is_one_of_numbers():
+    """Arrays are taken as tuples of plain numbers: the pose can be compared and hashed."""
+    pose = dw.Pose(np.eye(3, dtype=np.float32), np.array([1, 2, 3]))
+    assert pose == dw.Pose(IDENTITY, (1.0, 2.0, 3.0)) and hash(pose)
+    assert {type(value) for value in (*pose.position, *pose.camera_from_world[0])} == {float}
+
+
+def test_products_of_rounded_rotations_are_poses():
+    """Each of two matrices may be off by the rounding of a file: a rig's cameras are products."""
+    rounded = dw.Pose.from_optical(np.diag([1 + 4e-5] * 3 + [1.0]))
+    camera = dw.PinholeCamera.from_fov((60, 45), (4, 3)).with_pose(rounded)
+    rig = dw.cameras.Rig.of({"a": camera}).with_pose(rounded).with_pose(rounded)
+    assert rig["a"].pose.rotation.max() > 1 + 1e-4
+
+
+CAMERAS = {
+    "pinhole": lambda pose: dw.PinholeCamera(9.0, 9.0, 1.0, 1.0, 3, 3, pose),
+    "fisheye": lambda pose: dw.FisheyeCamera(9.0, 9.0, 1.0, 1.0, 3, 3, pose),
+    "double_sphere": lambda pose: dw.DoubleSphereCamera(9.0, 9.0, 1.0, 1.0, 0.1, 0.5, 3, 3, pose),
+    "equirectangular": lambda pose: dw.EquirectangularCamera(8, 4, pose),
+    "cylindrical": lambda pose: dw.CylindricalCamera(8, 4, pose),
+    "orthographic": lambda pose: dw.OrthographicCamera(0.1, 3, 3, pose),
+    "spinning": lambda pose: dw.SpinningLidar(8, (1.0, -1.0), pose),
+}
+
+
+@pytest.mark.parametrize("model", CAMERAS)
+@pytest.mark.parametrize("pose", ["pose", (1, 2, 3), np.eye(4), None])
+def test_a_camera_takes_nothing_but_a_pose(model, pose):
+    """Of every model, made or moved: the message names what makes a pose."""
+    with pytest.raises(InputError, match=r"^pose must be a Pose, got \w+: Pose\.from_orientation"):
+        CAMERAS[model](pose)
+    camera = CAMERAS[model](dw.Pose.from_orientation((0, 0, 0), (0, 0, 0)))
+    with pytest.raises(InputError, match="Pose.from_optical"):
+        camera.with_pose(pose)
+    with pytest.raises(InputError, match="must be a Pose"):
+        dw.cameras.Rig.of({"a": camera}).with_pose(pose)
+
+
+def test_the_end_of_a_motion_is_a_pose():
+    """Three numbers are none."""
+    pose = dw.Pose.from_orientation((0, 0, 0), (0, 0, 0))
+    with pytest.raises(InputError, match="^pose_end must be a Pose, got tuple"):
+        dw.SpinningLidar(8, (1.0, -1.0), pose, pose_end=(1, 2, 3))
+
+
+def test_messages_hold_plain_numbers():
+    """Which entry is not finite, and no names of NumPy's types."""
+    matrix = np.eye(4)
+    matrix[3, 0] = 0.1
+    with pytest.raises(InputError, match=r"got \(0\.1, 0\.0, 0\.0, 1\.0\)"):
+        dw.Pose.from_optical(matrix)
+    matrix = np.eye(4)
+    matrix[1, 2] = np.nan
+    with pytest.raises(InputError, match=r"finite 4 x 4 matrix, got nan at \[1, 2\]"):
+        dw.Pose.from_optical(matrix)
+    with pytest.raises(InputError, match="4 x 4 matrix, got 'matrix'"):
+        dw.Pose.from_optical("matrix")
+    with pytest.raises(InputError, match=r"K must be a finite 3 x 3 matrix, got inf at \[0, 2\]"):
+        dw.PinholeCamera.from_matrix([[9, 0, np.inf], [0, 9, 1], [0, 0, 1]], (3, 3))
+    with pytest.raises(InputError, match=r"tuple \(width, height\), got \(4\.5, 3\)"):
+        dw.PinholeCamera.from_fov((60, 45), np.array([4.5, 3]).tolist()[:1] + [np.int64(3)])

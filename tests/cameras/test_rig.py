@@ -44,7 +44,7 @@ def test_a_rig_is_a_mapping_in_its_order():
         (("a", "b"), (LEFT,), "2 names and 1 cameras"),
         (("a", "b", "a"), (LEFT, RIGHT, LEFT), "'a' stands twice"),
         ((1,), (LEFT,), "must be text, got 1"),
-        (("a",), (LEFT.pose,), "'a' is a Pose"),
+        (("a",), (LEFT.pose,), "got Pose as 'a'"),
     ],
 )
 def test_what_is_no_rig_is_refused(names, cameras, message):

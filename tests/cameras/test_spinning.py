@@ -232,3 +232,60 @@ def test_z_depth_is_refused():
     lidar = dw.SpinningLidar(16, BEAMS, IDENTITY)
     with pytest.raises(InputError, match="optical axis"):
         lidar.project(np.ones((1, 3)), depth="z")
+
+
+@pytest.mark.parametrize(
+    ("yaw", "way", "distance"),
+    [(60, 2, 2), (-60, 2, 2), (60, 0, 2), (0, 2, 2), (60, 2, 30), (90, 0, 5), (0, 3, 1.5)],
+)
+def test_fast_motions_come_back(device, yaw, way, distance):
+    """Away from the seam every pixel that is unprojected is projected to itself; printed."""
+    worst = 0.0
+    beams = tuple(np.linspace(15, -25, 8).tolist())
+    offsets = tuple(np.linspace(-3, 3, 8).tolist())
+    start = dw.Pose.from_orientation((0, 0, 0), (0, 0, 20))
+    for heading in np.radians((20, 110, 200, 290)):
+        place = (way * np.cos(heading), way * np.sin(heading), 0)
+        end = dw.Pose.from_orientation(place, (0, 0, 20 + yaw))
+        lidar = dw.SpinningLidar(1024, beams, start, None, offsets, 0.03, end)
+        points = lidar.unproject(np.full((8, 1024), distance))[:, 210:814].reshape(-1, 3)
+        u, v, depth, valid = lidar.project(points)
+        rows, columns = np.indices((8, 604))
+        assert valid.all()
+        np.testing.assert_array_equal(v, rows.ravel())
+        np.testing.assert_allclose(depth, distance, atol=1e-3)
+        worst = max(worst, np.abs(u - 210 - columns.ravel()).max())
+        device_u = device_image(lidar, points.astype(np.float32), device)[0]
+        assert np.abs(device_u - 210 - columns.ravel()).max() < 0.02
+    print(f"{yaw} degrees and {way} m a turn at {distance} m: {worst:.5f} px")
+    assert worst < 0.01
+
+
+def test_a_sensor_that_turns_against_its_spin_misses_a_part(device):
+    """It turns left by 60 degrees a turn: in the gap nothing is drawn, all else once."""
+    end = dw.Pose.from_orientation((0, 0, 0), (0, 0, 60))
+    lidar = dw.SpinningLidar(360, BEAMS, IDENTITY, pose_end=end)
+    azimuth = np.radians(np.arange(0, 360, 0.5))
+    points = 5 * np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], axis=1)
+    u, _, _, valid = lidar.project(points.astype(np.float32))
+    assert valid.sum() == pytest.approx(600, abs=2)  # of 720: 300 degrees
+    assert len(np.unique(np.floor(u[valid] + 0.5))) == 360
+    depth_map = dw.render(dw.PointCloud(points.astype(np.float32)), lidar, device=device)
+    assert depth_map.stats.outside == pytest.approx(120, abs=2)
+    assert depth_map.stats.too_near == depth_map.stats.not_finite == 0
+    np.testing.assert_allclose(depth_map.depth[1][depth_map.depth[1] > 0], 5, atol=1e-4)
+
+
+def test_a_sensor_that_turns_with_its_spin_sees_a_part_twice():
+    """It turns right by 60 degrees a turn: every point has one column, which does see it."""
+    end = dw.Pose.from_orientation((0, 0, 0), (0, 0, -60))
+    lidar = dw.SpinningLidar(360, BEAMS, IDENTITY, pose_end=end)
+    world = lidar.unproject(np.full((3, 360), 5.0))[1]
+    u, _, depth, valid = lidar.project(world)
+    assert valid.all()
+    np.testing.assert_allclose(depth, 5, rtol=1e-5)
+    # The column found is the point's own, or the other one in which it is seen.
+    seen = world[np.floor(u + 0.5).astype(int)]
+    np.testing.assert_allclose(seen, world, atol=0.1)
+    twice = np.abs(u - np.arange(360)) > 1
+    assert 40 < np.count_nonzero(twice) < 80

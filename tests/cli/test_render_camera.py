@@ -58,6 +58,7 @@ def test_one_of_several_cameras_by_name(run, wall, tmp_path):
     assert found.camera.size == (32, 24)
     result = run("render", wall, "-o", tmp_path / "e.npz", *camera)
     assert result.exit_code == 2 and "left.png, right.png" in result.stderr
+    assert "--camera-name NAME" in result.stderr and "load_rig" not in result.stderr
     assert not (tmp_path / "e.npz").exists()
 
 
@@ -73,7 +74,7 @@ def test_a_file_without_a_size_takes_the_options(run, wall, tmp_path):
     found = rendered(run, wall, tmp_path / "d.npz", *camera, "--size", "64", "48")
     assert found.camera.size == (64, 48)
     result = run("render", wall, "-o", tmp_path / "e.npz", *camera)
-    assert result.exit_code == 2 and "size" in result.stderr
+    assert result.exit_code == 2 and "on the command line: --size W H" in result.stderr
 
 
 def test_lost_pixels_are_a_warning_in_one_line(run, wall, tmp_path):
@@ -85,7 +86,8 @@ def test_lost_pixels_are_a_warning_in_one_line(run, wall, tmp_path):
     output = tmp_path / "d.npz"
     result = run("render", wall, "-o", output, "--camera", tmp_path / "lens.yaml")
     assert result.exit_code == 0, result.stderr
-    (line,) = [line for line in result.stderr.splitlines() if line.startswith("warning: Pinhole")]
+    (line,) = [line for line in result.stderr.splitlines() if line.startswith("warning: ")]
+    assert f"{tmp_path / 'lens.yaml'}: PinholeCamera" in line
     assert "%" in line and ".py" not in line
 
 
@@ -124,3 +126,49 @@ def test_a_name_without_a_file(run, wall, tmp_path):
     """--camera-name alone is refused."""
     result = run("render", wall, "-o", tmp_path / "d.npz", "--camera-name", "left")
     assert result.exit_code == 2 and "--camera FILE" in result.stderr
+
+
+INTRINSICS = """%YAML:1.0
+---
+image_width: 64
+image_height: 48
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 40., 0., 31.5, 0., 40., 23.5, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ 0., 0., 0., 0., 0. ]
+"""
+
+
+def test_a_file_without_a_pose_says_where_the_camera_looks(run, wall, tmp_path):
+    """Once, in one line; not with a pose in the file or on the command line."""
+    (tmp_path / "calib.yaml").write_text(INTRINSICS)
+    dw.cameras.save(FISHEYE, tmp_path / "posed.yaml", format="opencv")
+    place = ["--position", "0", "0", "0", "--orientation", "0", "0", "0"]
+    said = {}
+    for name, options in (("calib.yaml", []), ("calib.yaml", place), ("posed.yaml", [])):
+        path = tmp_path / name
+        result = run("render", wall, "-o", tmp_path / "d.npz", "--camera", path, *options)
+        assert result.exit_code == 0, result.stderr
+        said[name, len(options)] = [
+            line for line in result.stderr.splitlines() if "says no pose" in line
+        ]
+    (line,) = said.pop(("calib.yaml", 0))
+    assert line.startswith(str(tmp_path / "calib.yaml")) and "--position" in line
+    assert list(said.values()) == [[], []]
+
+
+def test_a_kind_of_depth_is_refused_before_the_cloud_is_read(run, tmp_path):
+    """A panorama has no z; a cloud that is not there is not even looked for."""
+    panorama = dw.EquirectangularCamera.looking((36, 18))
+    cloud = dw.PointCloud(np.ones((1, 3), np.float32))
+    dw.render(cloud, panorama, device="cpu").save(tmp_path / "p.npz")
+    options = ["-o", tmp_path / "d.npz", "--camera", tmp_path / "p.npz", "--depth", "z"]
+    result = run("render", tmp_path / "none.ply", *options)
+    assert result.exit_code == 2 and "use depth='range'" in result.stderr
+    assert "none.ply" not in result.stderr

@@ -242,6 +242,24 @@ def test_z():
     assert drawn(SQUARE, POINT, depth="z").depth.max() == 3
 
 
+@says(
+    "A fisheye or double sphere camera has z depth up to 85 degrees from its axis, and draws by z "
+    "nothing beyond."
+)
+def test_z_of_wide_lenses():
+    """84 and 86 degrees to the left: both by range, one by z; the pixel beyond has no point."""
+    fisheye = dw.FisheyeCamera(60.0, 60.0, 100.0, 20.0, 201, 41, ORIGIN)
+    spheres = dw.DoubleSphereCamera(60.0, 60.0, 100.0, 20.0, 0.1, 0.6, 201, 41, ORIGIN)
+    inside, beyond = ((np.cos(a), np.sin(a), 0) for a in np.radians((84, 86)))
+    for camera in (fisheye, spheres):
+        assert drawn(camera, inside, beyond).stats.drawn == 2
+        stats = drawn(camera, inside, beyond, depth="z").stats
+        assert (stats.drawn, stats.behind) == (1, 1)
+        assert camera.project(np.array([inside, beyond]), "z")[3].tolist() == [True, False]
+        row, column = np.argwhere(drawn(camera, beyond).depth)[0]
+        assert np.isnan(camera.unproject(np.ones((41, 201)), "z")[row, column]).all()
+
+
 @says("Of an orthographic camera both depths are the distance from the image's plane.")
 def test_orthographic_depth():
     """3, 1.5, 1 is 3 before the plane."""
@@ -464,6 +482,24 @@ def test_lidar_moves():
     ahead, behind = drawn(lidar, (5, 0, 0)), drawn(lidar, (-5, 0, 0))
     assert ahead.depth[0, 4] == pytest.approx(5 - 0.8 * 4 / 8)
     assert behind.depth[0, 0] == pytest.approx(5)
+
+
+@says(
+    "A moving LiDAR that turns on with its spin sees a part of the world twice, and one that turns "
+    "against it misses a part, which is not drawn."
+)
+def test_lidar_seam():
+    """Clockwise by 90 degrees a turn it sees 450 degrees of the world, else 270."""
+    circle = np.radians(np.arange(0, 360, 2))
+    points = 5 * np.stack([np.cos(circle), np.sin(circle), 0 * circle], axis=1)
+    for yaw, seen in ((-90, 450), (90, 270)):
+        end = dw.Pose.from_orientation((0, 0, 0), (0, 0, yaw))
+        lidar = dw.SpinningLidar(360, (0.0, -9.0), ORIGIN, pose_end=end)
+        x, y, _ = np.moveaxis(lidar.unproject(np.full((2, 360), 5.0))[0], -1, 0)
+        turned = np.degrees(np.unwrap(np.arctan2(y, x)))
+        assert turned[0] - turned[-1] == pytest.approx(seen, abs=2)
+        outside = drawn(lidar, *map(tuple, points)).stats.outside
+        assert outside == pytest.approx(max(0, 360 - seen) / 2, abs=1)
 
 
 # --- round trips ---

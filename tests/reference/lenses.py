@@ -277,25 +277,47 @@ def to_camera_moving(
     rotations: np.ndarray,
     centers: np.ndarray,
     column_of: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
-    steps: int = 4,
+    steps: int = 5,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (N, 3) in the frame of the moment in which it meets them: `column_of(X, Y, Z)`.
 
     `rotations` (columns, 3, 3) and `centers` (columns, 3): the poses of the columns, blended
-    linearly between two of them. The search begins in the middle of the turn.
+    linearly between two of them. The search begins in the middle of the turn and goes on by the
+    secant of the azimuth; what it leads to beyond the seam, no column meets: it is put on the axis.
     """
     poses = np.concatenate([rounded(rotations, F).reshape(-1, 9), rounded(centers, F)], axis=1)
-    last = F(len(poses) - 1)
-    points = rounded(points, F).reshape(-1, 3)
+    columns, points = len(poses), rounded(points, F).reshape(-1, 3)
+    period, last, half = F(columns), F(columns - 1), F(0.5) * F(columns)
+    (fx,) = numbers(columns / (2 * np.pi))
+
+    def within_half(way: np.ndarray) -> np.ndarray:
+        return np.where(way > half, way - period, np.where(way < -half, way + period, way))
+
     moments = np.full(len(points), F(0.5) * last)
+    slope, turned = np.zeros_like(moments), np.zeros_like(moments)
+    before, seam = moments, np.zeros(len(points), bool)
     placed = _placed(points, poses, moments)
     for _ in range(steps):
-        u = column_of(*placed)
+        u, azimuth = column_of(*placed), fx * angle_of(placed[1], placed[0])
         met = u >= F(-0.5)
-        moments = np.clip(np.where(met, u, F(0)), F(0), last)
-        again = _placed(points, poses, moments)
-        placed = tuple(np.where(met, new, old) for new, old in zip(again, placed, strict=True))
-    return placed
+        with np.errstate(all="ignore"):
+            moved = moments - before
+            secant = within_half(turned - azimuth) / moved
+        far = met & (abs(moved) >= 1)
+        slope = np.where(far, np.clip(secant, F(-0.5), F(0.5)), slope)
+        before, turned = np.where(met, moments, before), np.where(met, azimuth, turned)
+        seam = np.where(met, abs(u - moments) > half, seam)
+        less = F(1) - slope
+        after = moments + within_half(u - moments) / less
+        around = period / less
+        other = np.where(after < F(-0.5), after + around, after - around)
+        beyond = (after < F(-0.5)) | (after >= period - F(0.5))
+        reached = (other >= F(-0.5)) & (other < period - F(0.5))
+        after = np.clip(np.where(beyond & reached, other, after), F(0), last)
+        moments = np.where(met, after, moments)
+        placed = _placed(points, poses, moments)
+    axis = F(0), F(0), F(1)
+    return tuple(np.where(seam, on, p) for on, p in zip(axis, placed, strict=True))
 
 
 def _placed(
@@ -331,20 +353,24 @@ def render_sorted(
     ahead_only: bool,
     min_range: float,
     max_range: float,
+    least_cosine: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
     """The Z-buffer of `zbuffer.render_loop` for any model, as a sort by (pixel, depth, index).
 
-    Each point is counted in the first category that fits: not_finite; behind (X <= 0, of models
-    that only see ahead); at the centre, which is too_near; outside; too_far; too_near; drawn or
-    hidden. Depth (H, W) float32, index (H, W) int32, the counts.
+    Each point is counted in the first category that fits: not_finite; behind (of models that only
+    see ahead, X <= 0, or X <= least_cosine * range); at the centre, which is too_near; outside;
+    too_far; too_near; drawn or hidden. Depth (H, W) float32, index (H, W) int32, the counts.
     """
     width, height = size
     near, far = numbers(min_range, max_range)
     stacked = np.stack(xyz)
     with np.errstate(all="ignore"):
+        X, Y, Z = stacked
+        (least,) = numbers(least_cosine)
+        limit = least * np.sqrt((X * X + Y * Y) + Z * Z) if least else F(0)
         reasons = {
             "not_finite": ~np.isfinite(stacked).all(axis=0),
-            "behind": (stacked[0] <= 0) & ahead_only,
+            "behind": ~(X > limit) & ahead_only,
             "center": (stacked == 0).all(axis=0),
             "outside": ~inside(u, v, width, height),
             "too_far": depths > far,

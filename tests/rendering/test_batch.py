@@ -93,6 +93,32 @@ def test_a_mapping_is_a_rig():
     }
     maps = dw.render_batch(cloud_of(4), rig, device="cpu")
     assert [depth_map.camera for depth_map in maps] == list(rig.values())
+    assert maps.names == ("left", "right") and maps["right"] is maps[1]
+    assert maps[1:].names == ("right",) and maps[1:]["right"] is maps[1]
+    with pytest.raises(KeyError, match="no view 'top'; there are left, right"):
+        maps["top"]
+
+
+def test_maps_of_a_list_have_no_names():
+    """By name there is none; names in another number than maps are refused."""
+    camera = dw.PinholeCamera.from_fov((60, 45), (8, 6))
+    maps = dw.render_batch(cloud_of(4, 9), [camera], device="cpu")
+    assert maps.names is None and maps[:].names is None
+    with pytest.raises(KeyError, match="without names"):
+        maps["left"]
+    with pytest.raises(InputError, match="2 names and 1 maps"):
+        dw.DepthMaps(list(maps), ("a", "b"))
+
+
+def test_a_batch_says_what_it_holds():
+    """How many, the names, the first maps; one line, not the arrays."""
+    camera = dw.PinholeCamera.from_fov((60, 45), (8, 6))
+    one = "DepthMap(8 x 6 px, PinholeCamera, range, 0.0% not empty)"
+    empty = cloud_of(4, 0)
+    named = dw.render_batch(empty, {"left": camera, "right": camera}, device="cpu")
+    assert repr(named) == f"DepthMaps of 2 views (left: {one}, right: {one})"
+    many = dw.render_batch(empty, [camera] * 5, device="cpu")
+    assert repr(many) == f"DepthMaps of 5 views ({', '.join([one] * 4)}, ...)"
 
 
 def test_what_a_batch_refuses():
@@ -100,6 +126,8 @@ def test_what_a_batch_refuses():
     camera, cloud = dw.PinholeCamera.from_fov((60, 45), (8, 6)), cloud_of(1, 10)
     with pytest.raises(InputError, match="at least one"):
         dw.render_batch(cloud, [])
+    with pytest.raises(InputError, match=r"got one PinholeCamera: \[camera\], or dw.render"):
+        dw.render_batch(cloud, camera)
     with pytest.raises(InputError, match="got 2 clouds and 3 cameras"):
         dw.render_batch([cloud, cloud], [camera] * 3)
     with pytest.raises(InputError, match="got str"):

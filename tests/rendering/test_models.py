@@ -19,6 +19,7 @@ from tests.cameras.models import (
     IDENTITY,
     MODELS,
     cameras_of,
+    least_z_cosine,
     poses,
     quietly,
     sees_ahead_only,
@@ -47,6 +48,7 @@ def twin(points: np.ndarray, camera: dw.Camera, options: dict):
         ahead_only=sees_ahead_only(camera, options["depth_kind"]),
         min_range=options["min_range"],
         max_range=min(options["max_range"], FLOAT32_MAX),
+        least_cosine=least_z_cosine(camera, options["depth_kind"]),
     )
 
 
