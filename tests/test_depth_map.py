@@ -61,3 +61,11 @@ def test_a_depth_map_is_not_written_over():
         depth_map.kind = "z"
     with pytest.raises(dataclasses.FrozenInstanceError):
         depth_map.stats.total = 0
+
+
+def test_a_depth_map_says_what_it_is():
+    """Size, model, kind, and the share of pixels that are not empty; not its arrays."""
+    camera = dw.PinholeCamera.from_fov((60, 45), (4, 2))
+    cloud = dw.PointCloud(np.float32([[2, 0.1, 0.1], [2, -0.1, 0.1]]))
+    depth_map = dw.render(cloud, camera, depth="z", device="cpu")
+    assert repr(depth_map) == "DepthMap(4 x 2 px, PinholeCamera, z, 25.0% not empty)"
