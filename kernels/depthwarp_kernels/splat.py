@@ -17,6 +17,7 @@ from depthwarp_kernels.point_source import (
     ALL_BEHIND,
     ALL_OUTSIDE,
     BLOCK,
+    NONE_IN_VIEW,
     SEEN,
     PointSource,
     camera_sphere,
@@ -113,8 +114,8 @@ def reason_function(config: SplatConfig):
     return reason_of
 
 
-# A block that cannot be in view is counted as a whole, as its points would be one by one: behind
-# if all of it is, outside if all of it is ahead; otherwise it is looked at.
+# A block that cannot be in view is counted as its points would be one by one: behind if all of it
+# is, outside if all of it is ahead, and else each by its side of the camera's plane.
 @cache
 def verdict_function(config: SplatConfig):
     """The function (view, source, block) that says whether a block has to be looked at."""
@@ -135,14 +136,15 @@ def verdict_function(config: SplatConfig):
             if wp.static(config.ahead_only):
                 if center[0] <= -radius:
                     return ALL_BEHIND
-                if center[0] <= radius:
-                    return SEEN
             if wp.static(config.is_wide_z):
                 aside = wp.sqrt(center[1] * center[1] + center[2] * center[2])
                 if center[0] * AHEAD_SINE - aside * AHEAD_COSINE <= radius:
                     return SEEN
             if may_meet(view, center, radius):
                 return SEEN
+            if wp.static(config.ahead_only):
+                if center[0] <= radius:
+                    return NONE_IN_VIEW
             return ALL_OUTSIDE
 
     return verdict_of
@@ -174,7 +176,7 @@ def splat_kernel(config: SplatConfig):
         i += first
         view = views[v]
         verdict = verdict_of(view, source, i / wp.static(BLOCK))
-        if verdict != SEEN:
+        if verdict == ALL_BEHIND or verdict == ALL_OUTSIDE:
             count(counts_out, v, wp.where(verdict == ALL_BEHIND, BEHIND, OUTSIDE))
             return
         lens = lenses[v]

@@ -9,7 +9,7 @@ from functools import cache
 import warp as wp
 
 from depthwarp_kernels.options import EXACT
-from depthwarp_kernels.point_source import ALL_BEHIND, BLOCK, SEEN
+from depthwarp_kernels.point_source import ALL_OUTSIDE, BLOCK, NONE_IN_VIEW, SEEN
 from depthwarp_kernels.splat import (
     BEHIND,
     DRAWN,
@@ -22,7 +22,7 @@ from depthwarp_kernels.splat import (
     reason_function,
     verdict_function,
 )
-from depthwarp_kernels.view import View, pixel_of
+from depthwarp_kernels.view import View, pixel_of, to_camera
 
 # What is not drawn goes into spare cells behind the image: a branch there costs more than a store,
 # and several cells more than one, since a store has to wait for the one before it.
@@ -37,7 +37,18 @@ def cull_kernel(config: SplatConfig):
     points.
     """
     Source = config.source.struct
+    point_at = config.source.point_at
     verdict_of = verdict_function(config)
+
+    @wp.func
+    def points_ahead(view: View, source: Source, block: wp.int32):
+        """Points of a block with X > 0; what fills up the last block has no X."""
+        ahead = int(0)
+        for k in range(wp.static(BLOCK)):
+            point = point_at(source, block * wp.static(BLOCK) + k)
+            p = to_camera(point, view.rotation, view.position, view.shift)
+            ahead += wp.where(p[0] > 0.0, 1, 0)
+        return ahead
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
     def cull_blocks(
@@ -62,8 +73,11 @@ def cull_kernel(config: SplatConfig):
                 length += 1
             else:
                 held = wp.min(wp.static(BLOCK), count - block * wp.static(BLOCK))
-                why = wp.where(verdict == ALL_BEHIND, BEHIND, OUTSIDE)
-                counts_out[why] = counts_out[why] + wp.int64(held)
+                ahead = wp.where(verdict == ALL_OUTSIDE, held, 0)
+                if verdict == NONE_IN_VIEW:
+                    ahead = points_ahead(view, source, block)
+                counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(held - ahead)
+                counts_out[OUTSIDE] = counts_out[OUTSIDE] + wp.int64(ahead)
         length_out[0] = length
 
     return cull_blocks

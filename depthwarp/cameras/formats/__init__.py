@@ -8,7 +8,9 @@ trajectories has `read_trajectory(path)` and `write_trajectory(trajectory, path)
 from __future__ import annotations
 
 import importlib
+import json
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,10 +44,13 @@ FORMATS: dict[str, str] = {
 }
 """Formats of cameras: their names, which are those of the modules, and what people call them."""
 
-WITHOUT_SIZE = ("opencv", "kitti")
+WITHOUT_SIZE = ("opencv", "ros", "kitti", "nerfstudio")
 """Formats whose files may hold no image size; their `read_rig` takes `size` as well."""
 
-OWN = "depthwarp depth map (.npz, or the .json beside an image)"
+KNOWN = "OpenCV, ROS, Open3D, KITTI, COLMAP, nerfstudio, and depthwarp's depth maps"
+
+CLOUDS = (".ply", ".pcd", ".las", ".laz", ".e57", ".xyz", ".pts", ".ptx", ".bin", ".obj", ".stl")
+"""Suffixes that point clouds have, and none of the formats of cameras has alone."""
 
 TRAJECTORIES: dict[str, str] = {
     "tum": "TUM trajectory (.txt)",
@@ -61,7 +66,8 @@ def load(
 
     Args:
         path: A camera file, a COLMAP model's folder, or a depth map's `.npz` or `.json`.
-        name: Which of the file's cameras; not needed where there is only one.
+        name: Which of the file's cameras; not needed where there is only one. Of a stereo
+            calibration without extrinsics it is read alone, in its own optical frame.
         size: (width, height) [px], for files that hold none.
 
     Returns:
@@ -81,7 +87,7 @@ def load(
         >>> dw.cameras.load("calib.txt", "P2", size=(1242, 375)).size  # doctest: +SKIP
         (1242, 375)
     """
-    rig = load_rig(path, size=size)
+    rig = _rig_of(path, size, name)
     if name is None:
         if len(rig) == 1:
             return rig.cameras[0]
@@ -90,7 +96,11 @@ def load(
             "read all with depthwarp.cameras.load_rig"
         )
     if name not in rig:
-        raise InputError(f"{path} has no camera '{name}'; it has {_listed(rig.names)}")
+        one = f"its only camera is '{rig.names[0]}'"
+        raise InputError(
+            f"{path} has no camera '{name}'; "
+            + (one if len(rig) == 1 else f"it has {_listed(rig.names)}")
+        )
     return rig[name]
 
 
@@ -115,6 +125,11 @@ def load_rig(path: str | os.PathLike[str], *, size: Sequence[int] | None = None)
     Warns:
         LensDomainWarning: A lens's domain is smaller than its image.
     """
+    return _rig_of(path, size, None)
+
+
+def _rig_of(path: str | os.PathLike[str], size: Sequence[int] | None, alone: str | None) -> Rig:
+    """`load_rig`, or of cameras that do not form a rig the one that is named."""
     path = _existing(path)
     checked = None if size is None else check_size(size)
     if _is_depth_map(path):
@@ -122,8 +137,10 @@ def load_rig(path: str | os.PathLike[str], *, size: Sequence[int] | None = None)
 
         return _of_size(Rig.of({"camera": load_camera(path)}), checked, path)
     name = _format_of(path)
-    if name in WITHOUT_SIZE:
-        rig: Rig = _module(name).read_rig(path, checked)
+    if name == "opencv":
+        rig: Rig = _module(name).read_rig(path, checked, alone)
+    elif name in WITHOUT_SIZE:
+        rig = _module(name).read_rig(path, checked)
     else:
         rig = _module(name).read_rig(path)
     return _of_size(rig, checked, path)
@@ -151,6 +168,16 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
 
 def save(camera: Camera | Rig, path: str | os.PathLike[str], *, format: str) -> None:
     """Write a camera, or all cameras of a rig; every file appears whole or not at all.
+
+    What each format can hold; other models are described by a depth map's own file:
+
+    - `opencv`: one `PinholeCamera` (any distortion) or `FisheyeCamera`.
+    - `ros`: the same, at the origin of its optical frame.
+    - `open3d`: `PinholeCamera`s without distortion.
+    - `kitti`: up to four parallel `PinholeCamera`s without distortion.
+    - `colmap`: `PinholeCamera`s with at most k1, k2, p1, p2, k3 to k6, and `FisheyeCamera`s.
+    - `nerfstudio`: all `PinholeCamera`s with at most k1, k2, p1, p2, k3, or all `FisheyeCamera`s,
+      or all `EquirectangularCamera`s.
 
     Args:
         camera: The camera, or the rig.
@@ -196,6 +223,8 @@ def _module(name: str) -> Any:
 
 
 def _existing(path: str | os.PathLike[str]) -> Path:
+    if not os.fspath(path):
+        raise InputError("the path of the file is empty; give its name")
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: there is no such file; check the name and the folder")
@@ -223,8 +252,33 @@ def _format_of(path: Path) -> str:
             "depthwarp.cameras.load_trajectory"
         )
     what = "folder" if path.is_dir() else "file"
-    known = "; ".join([*FORMATS.values(), OWN])
-    raise FileFormatError(f"{path}: a {what} of no known camera format; known are {known}")
+    guess = _guess(path)
+    raise FileFormatError(
+        f"{path}: a {what} of no known camera format" + (f": {guess}" if guess else f" ({KNOWN})")
+    )
+
+
+def _guess(path: Path) -> str | None:
+    """What a path is in place of a camera file, and what to do; None if it is not easily seen."""
+    if path.is_dir():
+        parts = [Path("sparse", "0"), Path("sparse"), Path("0")]
+        models = [path / part for part in parts if _module("colmap").matches(path / part)]
+        if models:
+            return f"a COLMAP project, whose model is {models[0]}"
+        return "an empty path means this folder; give a file" if path == Path() else None
+    if path.suffix.lower() in CLOUDS:
+        return "it seems to be a point cloud; read it with depthwarp.read"
+    if path.suffix.lower() == ".json":
+        try:
+            json.loads(path.read_text(encoding="utf-8-sig"))
+        except json.JSONDecodeError as error:
+            return f"broken JSON, line {error.lineno}: {error.msg}"
+        except (ValueError, RecursionError):
+            return "it is not JSON"
+    lines = [line for line in beginning(path).splitlines() if not line.lstrip().startswith("#")]
+    if lines and re.fullmatch(r"([-+.\deE]+[\s,;]+){6,7}[-+.\deE]+[\s,;]*", lines[0]):
+        return "it seems to be a trajectory; TUM's lines are: timestamp tx ty tz qx qy qz qw"
+    return None
 
 
 def _of_size(rig: Rig, size: tuple[int, int] | None, path: Path) -> Rig:

@@ -1,4 +1,7 @@
-"""COLMAP models: a folder with cameras.txt and images.txt, or the same as .bin."""
+"""COLMAP models: a folder with cameras.txt and images.txt, or the same as .bin.
+
+Saving takes `PinholeCamera`s with at most k1, k2, p1, p2, k3, k4, k5, k6, and `FisheyeCamera`s.
+"""
 
 from __future__ import annotations
 

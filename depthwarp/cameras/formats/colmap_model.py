@@ -68,6 +68,15 @@ MODELS: dict[str, LensModel] = {
 }
 """COLMAP's models that are lenses here, by their names in text files."""
 
+NOT_SUPPORTED = (
+    "FOV",
+    "THIN_PRISM_FISHEYE",
+    "RAD_TAN_THIN_PRISM_FISHEYE",
+    "SIMPLE_DIVISION",
+    "DIVISION",
+)
+"""COLMAP's models that are no lens here."""
+
 DISTORTION: dict[type[Camera], tuple[str, ...]] = {
     PinholeCamera: ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
     FisheyeCamera: ("k1", "k2", "k3", "k4"),
@@ -113,8 +122,9 @@ def check_known_model(path: Path, place: str, name: str) -> LensModel:
         FileFormatError: There is none of that name here.
     """
     if name not in MODELS:
+        is_colmaps = "not supported; supported" if name in NOT_SUPPORTED else "not known; known"
         raise FileFormatError(
-            f"{path}: {place}: the camera model {name[:40]} is not known; known are "
+            f"{path}: {place}: the camera model {name[:40]} is {is_colmaps} are "
             f"{', '.join(MODELS)}. Convert it with COLMAP, or undistort the images"
         )
     return MODELS[name]

@@ -8,13 +8,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from depthwarp.cameras.camera import Camera
-from depthwarp.cameras.pinhole import PinholeCamera
-from depthwarp.checks import check_size
+from depthwarp.cameras.pinhole import PinholeCamera, intrinsics_of
+from depthwarp.checks import check_positive, check_size
 from depthwarp.errors import FileFormatError, InputError
 
 __all__ = [
     "beginning",
+    "check_intrinsics",
     "content_errors",
     "ideal_pinhole",
     "read_json",
@@ -84,6 +88,18 @@ def ideal_pinhole(camera: Camera, where: str) -> PinholeCamera:
             "'opencv', 'colmap' or 'nerfstudio'"
         )
     return camera
+
+
+def check_intrinsics(matrix: npt.NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """fx, fy, cx, cy [px] of a camera matrix, shape (3, 3), before a size is known.
+
+    Raises:
+        InputError: Another shape, skew, numbers that are not finite, or a focal length not above 0.
+    """
+    fx, fy, cx, cy = map(float, intrinsics_of(matrix))
+    check_positive("fx", fx, "pixels")
+    check_positive("fy", fy, "pixels")
+    return fx, fy, cx, cy
 
 
 def whole_size(width: float, height: float) -> tuple[int, int]:

@@ -2,8 +2,10 @@
 
 The rectified cameras `P0` to `P3`, which have no distortion. In a benchmark's file the world is
 the LiDAR's frame (`Tr_velo_to_cam`, `Tr_velo_cam` or `Tr` lead from it); in the raw data's file it
-is that of camera 0 before rectification, to which `calib_velo_to_cam.txt` leads; in one with the
-four projection matrices alone, that of camera 0 as rectified. A benchmark's file holds no size.
+is the LiDAR's too if `calib_velo_to_cam.txt` lies beside it, else that of camera 0 before
+rectification; in one with the four projection matrices alone, that of camera 0 as rectified. A
+benchmark's file holds no size. Saving takes up to four parallel `PinholeCamera`s without
+distortion.
 Source: Geiger, Lenz, Stiller, Urtasun 2013, "Vision meets robotics: the KITTI dataset".
 """
 
@@ -18,14 +20,15 @@ import numpy.typing as npt
 from depthwarp.cameras.camera import Camera
 from depthwarp.cameras.formats.content import (
     beginning,
+    check_intrinsics,
     content_errors,
     ideal_pinhole,
     whole_size,
     write_text,
 )
-from depthwarp.cameras.pinhole import PinholeCamera, intrinsics_of
+from depthwarp.cameras.formats.optical import check_rotation
+from depthwarp.cameras.pinhole import PinholeCamera
 from depthwarp.cameras.rig import Rig
-from depthwarp.checks import check_positive
 from depthwarp.errors import InputError
 
 __all__ = ["CONVENTION", "NAME", "matches", "read_rig", "write_rig"]
@@ -34,10 +37,16 @@ NAME = "kitti"
 
 CONVENTION = (
     "The world is the LiDAR's frame (X forward, Y left, Z up); P R0_rect Tr maps it to pixels of "
-    "optical axes (X right, Y down, Z forward), pixel centres at whole numbers; metres."
+    "optical axes (X right, Y down, Z forward), pixel centres at whole numbers; metres. Where "
+    "nothing leads from the LiDAR, the world is camera 0's optical frame: before rectification for "
+    "a `calib_cam_to_cam.txt` without `calib_velo_to_cam.txt` beside it, rectified for projection "
+    "matrices alone."
 )
 
 KIND = "a KITTI calibration"
+
+FROM_LIDAR_FILE = "calib_velo_to_cam.txt"
+"""Where the raw data has the way from the LiDAR to camera 0."""
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -71,13 +80,15 @@ def read_rig(path: Path, size: tuple[int, int] | None = None) -> Rig:
     """
     with content_errors(path, KIND):
         entries = _entries(path)
-        reference_from_world = _reference_from_world(entries)
+        reference_from_world = _reference_from_world(entries, path.parent / FROM_LIDAR_FILE)
         matrices = {
             name: _matrix(entries, key, (3, 4))
             for name in NAMES
             for key in (name, f"P_rect_0{name[1]}")
             if key in entries
         }
+        for matrix in matrices.values():
+            check_intrinsics(matrix[:, :3])
         sizes = {name: _size(entries, f"S_rect_0{name[1]}") or size for name in matrices}
     if None in sizes.values():
         raise InputError(
@@ -133,27 +144,40 @@ def _camera(
 ) -> Camera:
     """Camera of a 3 x 4 projection matrix K [I | t]: t is the baseline, exactly."""
     K, (x, y, z) = matrix[:, :3], matrix[:, 3]
-    fx, fy, cx, cy = intrinsics_of(K)
-    check_positive("fx", fx, "pixels")
-    check_positive("fy", fy, "pixels")
+    fx, fy, cx, cy = check_intrinsics(K)
     transform = reference_from_world.copy()
     transform[:3, 3] += (x - cx * z) / fx, (y - cy * z) / fy, z
     return PinholeCamera.from_matrix(K, size, optical_from_world=transform)
 
 
-def _reference_from_world(entries: dict[str, list[str]]) -> Float64Array:
-    """The rectified reference camera's optical axes from the world, shape (4, 4)."""
+def _reference_from_world(entries: dict[str, list[str]], beside: Path) -> Float64Array:
+    """The rectified reference camera's optical axes from the world, shape (4, 4).
+
+    Args:
+        entries: Those of the file.
+        beside: Where the raw data has the way from the LiDAR; need not exist.
+    """
     rectified, reference = np.eye(4), np.eye(4)
     turns = [name for name in (*RECTIFYING, RAW_RECTIFYING) if name in entries]
     transforms = [name for name in FROM_LIDAR if name in entries]
+    is_raw = any(name.startswith("P_rect_") for name in entries)
+    if is_raw and not turns:
+        raise KeyError(RAW_RECTIFYING)
     # Only projection matrices alone, all four, or the raw data may lack it: not a file cut short.
     may_lack = RAW_RECTIFYING in entries or (not turns and all(name in entries for name in NAMES))
     if not (transforms or may_lack):
         raise KeyError(" or ".join(FROM_LIDAR))
     if turns:
         rectified[:3, :3] = _matrix(entries, turns[0], (3, 3))
+        check_rotation(turns[0], rectified[:3, :3])
     if transforms:
         reference[:3] = _matrix(entries, transforms[0], (3, 4))
+    elif is_raw and beside.is_file():
+        with content_errors(beside, f"the raw data's {FROM_LIDAR_FILE}"):
+            lidar = _entries(beside)
+            reference[:3, :3] = _matrix(lidar, "R", (3, 3))
+            reference[:3, 3] = _matrix(lidar, "T", (3, 1))[:, 0]
+            check_rotation("R", reference[:3, :3])
     return np.asarray(rectified @ reference)
 
 

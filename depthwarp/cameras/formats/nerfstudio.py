@@ -1,6 +1,8 @@
 """nerfstudio's transforms.json, and those of Instant NGP and NeRF, which say less.
 
 Source: nerfstudio's documentation, "Data conventions", and for panoramas its ray generator.
+Saving takes cameras of one model: `PinholeCamera`s with at most k1, k2, p1, p2, k3,
+`FisheyeCamera`s or `EquirectangularCamera`s.
 """
 
 from __future__ import annotations
@@ -79,14 +81,19 @@ def matches(path: Path) -> bool:
     return text.startswith("{") and any(entry in text for entry in entries)
 
 
-def read_rig(path: Path) -> Rig:
+def read_rig(path: Path, size: tuple[int, int] | None = None) -> Rig:
     """Read the frames as cameras; their names are the frames' `file_path`.
 
     A number of the lens stands at the top for all frames, or in each frame. As in NeRF's files,
     `camera_angle_x` may stand for `fl_x`; without `fl_y` pixels are square, without `cx` and `cy`
     the principal point is the image's middle, and coefficients that are absent are 0.
 
+    Args:
+        path: The file.
+        size: (width, height) [px] of the frames for which the file has no `w` and `h`.
+
     Raises:
+        InputError: Neither the file nor `size` says how large the images are.
         FileFormatError: An entry is missing, contradicts another or cannot be used: an unknown
             model, numbers that are not finite, a matrix that is no rotation, two frames of a name.
 
@@ -107,6 +114,15 @@ def read_rig(path: Path) -> Rig:
             raise FileFormatError(f"{path}: two frames have the file_path '{name}'")
         with place_errors(path, f"frame {k} ('{name}')"):
             entries = _lens_entries(content, frame)
+        absent = [side for side in ("w", "h") if side not in entries]
+        if absent and size is None:
+            raise InputError(
+                f"{path}: frame {k} ('{name}') has no '{absent[0]}': give size=(width, height) "
+                "[px], or add the image's size to the file, 'w' and 'h'"
+            )
+        with place_errors(path, f"frame {k} ('{name}')"):
+            if size is not None:
+                entries = {"w": float(size[0]), "h": float(size[1]), **entries}
             key = tuple(entries.items())
             if key not in lenses:
                 lenses[key] = _lens_of(entries)
@@ -175,9 +191,6 @@ def _number(key: str, value: Any) -> float:
 
 def _lens_of(entries: Mapping[str, Any]) -> Camera:
     """The lens, at the origin."""
-    absent = [key for key in ("w", "h") if key not in entries]
-    if absent:
-        raise InputError(f"there is no '{absent[0]}': add the image's size, 'w' and 'h' [px]")
     width, height = whole_size(entries["w"], entries["h"])
     fx, fy = _focal_lengths(entries)
     cx, cy = entries.get("cx", width / 2), entries.get("cy", height / 2)
@@ -227,7 +240,19 @@ def _panorama(
         )
     if min(focal) <= 0:
         raise InputError(f"'fl_x' and 'fl_y' must be above 0, got {focal}")
+    # A hair for rounding: the camera itself is the judge of what is nearly a full turn.
+    if focal[0] < width / 2 * (1 - 1e-9):
+        raise InputError(
+            f"'fl_x' of a panorama must be at least half its width, {width / 2}, which is a full "
+            f"turn, got {focal[0]}"
+        )
     low, high = 180 * (center[1] - height) / focal[1], 180 * center[1] / focal[1]
+    if max(-low, high) > 90 * (1 + 1e-9):
+        raise InputError(
+            f"'fl_y' {focal[1]} and 'cy' {center[1]} of a panorama give elevations from {low:.6g} "
+            f"to {high:.6g} degrees, beyond the poles; a full panorama has both {height} and "
+            f"{height / 2}"
+        )
     return EquirectangularCamera(width, height, ORIGIN, 180 * width / focal[0], (low, high))
 
 

@@ -1,7 +1,8 @@
 """Open3D's pinhole cameras in JSON: parameters, trajectories of them, or intrinsics alone.
 
 One camera is named `camera`; those of a trajectory are `0`, `1` and so on. Intrinsics alone give a
-camera at the origin. The file has no lens distortion.
+camera at the origin. The file has no lens distortion: saving takes
+`PinholeCamera`s without.
 """
 
 from __future__ import annotations

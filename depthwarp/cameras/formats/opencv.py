@@ -1,25 +1,36 @@
 """OpenCV's calibration files: YAML, XML or JSON of `cv2.FileStorage`.
 
-One camera, with the keys of OpenCV's calibration sample: `camera_matrix` (or `K`),
-`distortion_coefficients` (or `D`), `image_width`, `image_height`, and `fisheye_model: 1` if the
-four coefficients are those of `cv2.fisheye`. Where the camera stands is either
-`optical_from_world` (4 x 4), or `R` or `rvec` with `T` or `tvec`, or not said: then the world is
-the camera's own frame. Or two cameras, as of a stereo calibration: `K1`, `D1`, `K2`, `D2` (or
-`M1`.., or `cameraMatrix1`, `distCoeffs1`..) with `R` and `T`, named `camera1` and `camera2`.
+One camera, with the keys of OpenCV's calibration sample: `camera_matrix` (or `K`, `cameraMatrix`),
+`distortion_coefficients` (or `D`, `distCoeffs`, `dist_coeffs`), `image_width` and `image_height`
+(or `image_size`, `imageSize`: [width, height]), and `fisheye_model: 1` if the four coefficients are
+those of `cv2.fisheye`. Four coefficients under `D` need `fisheye_model`, 0 or 1, for users store
+both kinds so. A file without coefficients may have been cut short, and is refused.
+
+Where the camera stands is either `optical_from_world` (4 x 4), or `R` or `rvec` with `T` or `tvec`,
+or not said: then the world is the camera's own frame. Or two cameras, as of a stereo calibration:
+`K1`, `D1`, `K2`, `D2` (or `M1`.., or `cameraMatrix1`, `distCoeffs1`..) with `R` and `T`, named
+`camera1` and `camera2`; without R and T one of them can be read alone.
+
+Saving takes one `PinholeCamera` (any distortion) or `FisheyeCamera`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from depthwarp.cameras.camera import Camera
 from depthwarp.cameras.fisheye import FisheyeCamera
-from depthwarp.cameras.formats.content import beginning, content_errors, whole_size, write_text
+from depthwarp.cameras.formats.content import (
+    beginning,
+    check_intrinsics,
+    content_errors,
+    whole_size,
+    write_text,
+)
+from depthwarp.cameras.formats.opencv_storage import KIND, Storage
 from depthwarp.cameras.pinhole import PinholeCamera
 from depthwarp.cameras.rig import Rig
 from depthwarp.errors import FileFormatError, InputError
@@ -31,10 +42,10 @@ NAME = "opencv"
 CONVENTION = (
     "Optical axes (X right, Y down, Z forward), transforms from the world to these axes, for two "
     "cameras from the first to the second, whose frame is the world; pixel centres at whole "
-    "numbers; the unit of translations is that of the calibration board, taken as metres."
+    "numbers; the unit of translations is that of the calibration board, taken as metres; "
+    "coefficients are those of cv2.calibrateCamera, or of cv2.fisheye if `fisheye_model` is 1; 4 "
+    "coefficients under `D`, `D1` or `D2` need a `fisheye_model`."
 )
-
-KIND = "an OpenCV calibration"
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -43,6 +54,17 @@ STEREO_KEYS = (
     ("M1", "D1", "M2", "D2"),
     ("cameraMatrix1", "distCoeffs1", "cameraMatrix2", "distCoeffs2"),
 )
+
+MATRIX_KEYS = ("camera_matrix", "K", "cameraMatrix")
+
+DISTORTION_KEYS = ("distortion_coefficients", "D", "distCoeffs", "dist_coeffs")
+
+EITHER_KEYS = ("D", "D1", "D2")
+"""Where users store the coefficients of `cv2.calibrateCamera` and those of `cv2.fisheye`."""
+
+SIZE_KEYS = ("image_size", "imageSize")
+
+MODEL_KEYS = ("distortion_model", "camera_model")
 
 MODELS: dict[str, type[PinholeCamera] | type[FisheyeCamera]] = {
     "pinhole": PinholeCamera,
@@ -61,50 +83,62 @@ def matches(path: Path) -> bool:
     return begins and "opencv-matrix" in text
 
 
-def read_rig(path: Path, size: tuple[int, int] | None = None) -> Rig:
+def read_rig(path: Path, size: tuple[int, int] | None = None, alone: str | None = None) -> Rig:
     """Read the one or the two cameras of a file.
 
     Args:
         path: The file.
         size: (width, height) [px], used if the file holds none.
+        alone: Of two cameras without R and T between them, the one to read; its world is its own
+            optical frame.
 
     Raises:
         InputError: Neither the file nor `size` says how large the image is.
-        FileFormatError: The file was cut short, an entry is missing or cannot be used, or the lens
-            model is unknown.
+        FileFormatError: The file was cut short, an entry is missing or cannot be used, the lens
+            model is unknown, or nothing says where two cameras stand.
     """
     with content_errors(path, KIND):
-        file = _Storage(path)
+        file = Storage(path)
         model = _model(file, path)
+        lenses = _lenses(file)
         own_size = _size(file)
+        transforms: list[Float64Array | None] = [None] * (len(lenses) - 1)
+        if len(lenses) == 1 or ("R" in file and "T" in file):
+            transforms.append(_optical_from_world(file))
+        elif alone in lenses:
+            lenses = {alone: lenses[alone]}
+        else:
+            raise FileFormatError(
+                f"{path} holds two cameras, but not R and T between them: copy both from the "
+                "file of extrinsics, which cv2.stereoCalibrate gave as well, or load one alone by "
+                f"its name, {' or '.join(lenses)}"
+            )
     image_size = own_size or size
     if image_size is None:
         raise InputError(
             f"{path} holds no image_width and image_height: give size=(width, height) [px]"
         )
     with content_errors(path, KIND):
-        pair = next((keys for keys in STEREO_KEYS if keys[0] in file and keys[2] in file), None)
-        if pair is None:
-            camera = model.from_matrix(
-                file.matrix("camera_matrix", "K"),
-                image_size,
-                _distortion(file, "distortion_coefficients", "D"),
-                _optical_from_world(file),
-            )
-            return Rig.of({"camera": camera})
-        if not ("R" in file and "T" in file):
-            raise FileFormatError(
-                f"{path} holds two cameras, but not R and T between them: copy both from the "
-                "file of extrinsics, which cv2.stereoCalibrate gave as well"
-            )
-        transforms: list[Float64Array | None] = [None, _optical_from_world(file)]
-        cameras: list[Camera] = [
-            model.from_matrix(
-                file.matrix(pair[2 * k]), image_size, _distortion(file, pair[2 * k + 1]), transform
-            )
-            for k, transform in enumerate(transforms)
+        cameras = [
+            model.from_matrix(matrix, image_size, coefficients, transform)
+            for (matrix, coefficients), transform in zip(lenses.values(), transforms, strict=True)
         ]
-    return Rig(("camera1", "camera2"), tuple(cameras))
+    return Rig(tuple(lenses), tuple(cameras))
+
+
+def _lenses(file: Storage) -> dict[str, tuple[Float64Array, Sequence[float]]]:
+    """Matrix and coefficients of each camera, by name, checked as far as no size is needed."""
+    pair = next((keys for keys in STEREO_KEYS if keys[0] in file and keys[2] in file), None)
+    if pair is None:
+        lenses = {"camera": (file.matrix(*MATRIX_KEYS), _distortion(file, *DISTORTION_KEYS))}
+    else:
+        lenses = {
+            f"camera{k + 1}": (file.matrix(pair[2 * k]), _distortion(file, pair[2 * k + 1]))
+            for k in range(2)
+        }
+    for matrix, _ in lenses.values():
+        check_intrinsics(matrix)
+    return lenses
 
 
 def write_rig(rig: Rig, path: Path) -> None:
@@ -141,74 +175,13 @@ def write_rig(rig: Rig, path: Path) -> None:
     write_text(path, file.releaseAndGetString())
 
 
-class _Storage:
-    """The top of a `cv2.FileStorage`, whose errors say which entry is wrong."""
-
-    def __init__(self, path: Path) -> None:
-        import cv2
-
-        flags = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY
-        try:
-            self.storage = cv2.FileStorage(path.read_text(encoding="utf-8-sig"), flags)
-            self.keys = tuple(self.storage.root().keys())
-        # SystemError: what cv2 5 raises for text that it cannot parse.
-        except (cv2.error, SystemError) as error:
-            raise FileFormatError(
-                f"{path} is not {KIND}: cv2.FileStorage cannot read it; copy or write it again if "
-                "it was cut short"
-            ) from error
-
-    def __contains__(self, key: str) -> bool:
-        return key in self.keys
-
-    def node(self, *keys: str) -> Any:
-        """The entry under the first of some keys that the file has."""
-        found = next((key for key in keys if key in self), None)
-        if found is None:
-            raise KeyError(" or ".join(keys))
-        return self.storage.getNode(found)
-
-    def matrix(self, *keys: str) -> Float64Array:
-        """A matrix of numbers, shape (rows, columns), float64."""
-        node, name = self.node(*keys), " or ".join(keys)
-        # Not node.mat(): on a damaged file that can end the program.
-        if not node.isMap():
-            raise ValueError(f"{name} is not a matrix")
-        shape = tuple(int(side.real()) for side in self._sides(node))
-        values = _items(node.getNode("data"))
-        if len(values) != np.prod(shape) or not all(v.isInt() or v.isReal() for v in values):
-            raise ValueError(f"{name} does not hold {' x '.join(map(str, shape))} numbers")
-        return np.array([value.real() for value in values], dtype=np.float64).reshape(shape)
-
-    def _sides(self, node: Any) -> list[Any]:
-        """Rows and cols of a matrix, or its sizes, as cv2 5 writes those of a vector."""
-        sides = _items(node.getNode("sizes")) or [node.getNode("rows"), node.getNode("cols")]
-        if not all(side.isInt() and side.real() >= 0 for side in sides):
-            raise ValueError("a matrix without whole numbers of rows and columns")
-        return sides
-
-    def number(self, *keys: str) -> float:
-        """A number."""
-        node = self.node(*keys)
-        if not (node.isInt() or node.isReal()):
-            raise ValueError(f"{' or '.join(keys)} is not a number")
-        return float(node.real())
-
-
-def _items(node: Any) -> list[Any]:
-    """The items of a sequence; one number alone is a sequence too: XML does not tell them apart."""
-    if node.isSeq():
-        return [node.at(k) for k in range(node.size())]
-    return [node] if node.isInt() or node.isReal() else []
-
-
-def _model(file: _Storage, path: Path) -> type[PinholeCamera] | type[FisheyeCamera]:
+def _model(file: Storage, path: Path) -> type[PinholeCamera] | type[FisheyeCamera]:
     if "xi" in file:
         raise FileFormatError(
             f"{path}: the entry xi says that the lens is of cv2.omnidir's model, which depthwarp "
             "does not have; calibrate it as cv2.fisheye"
         )
-    for key in ("distortion_model", "camera_model"):
+    for key in MODEL_KEYS:
         if key in file:
             name = file.node(key).string()
             if name not in MODELS:
@@ -220,18 +193,41 @@ def _model(file: _Storage, path: Path) -> type[PinholeCamera] | type[FisheyeCame
     return FisheyeCamera if is_fisheye else PinholeCamera
 
 
-def _size(file: _Storage) -> tuple[int, int] | None:
+def _size(file: Storage) -> tuple[int, int] | None:
     if "image_width" not in file and "image_height" not in file:
-        return None
+        key = next((key for key in SIZE_KEYS if key in file), None)
+        if key is None:
+            return None
+        sides = file.matrix(key).ravel().tolist()
+        if len(sides) != 2:
+            raise ValueError(f"{key} must be [width, height], got {len(sides)} numbers")
+        return whole_size(*sides)
     return whole_size(file.number("image_width"), file.number("image_height"))
 
 
-def _distortion(file: _Storage, *keys: str) -> Sequence[float]:
-    coefficients: list[float] = file.matrix(*keys).ravel().tolist()
+def _distortion(file: Storage, *keys: str) -> Sequence[float]:
+    """The coefficients under one of some keys.
+
+    Raises:
+        InputError: There are none, or four of which nothing says of which model they are.
+    """
+    key = next((key for key in keys if key in file), None)
+    if key is None:
+        raise InputError(
+            f"there is no {' or '.join(keys)}: the file may be cut short; for an ideal lens add "
+            f"the line '{keys[0]}: [0, 0, 0, 0, 0]'"
+        )
+    coefficients: list[float] = file.matrix(key).ravel().tolist()
+    is_said = any(name in file for name in ("fisheye_model", *MODEL_KEYS))
+    if key in EITHER_KEYS and len(coefficients) == 4 and not is_said:
+        raise InputError(
+            f"{key} has 4 coefficients, of cv2.calibrateCamera or of cv2.fisheye: add the line "
+            "'fisheye_model: 0' for the former, 'fisheye_model: 1' for the latter"
+        )
     return coefficients
 
 
-def _optical_from_world(file: _Storage) -> Float64Array | None:
+def _optical_from_world(file: Storage) -> Float64Array | None:
     """The transform of the file; None if it has none."""
     if "optical_from_world" in file:
         return file.matrix("optical_from_world")

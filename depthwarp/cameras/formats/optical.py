@@ -45,6 +45,6 @@ def check_rotation(name: str, rotation: Float64Array) -> None:
     determinant = float(np.linalg.det(rotation))
     if error > MAX_ROTATION_ERROR or determinant < 0:
         raise InputError(
-            f"{name}: the 3 x 3 on the left is not a rotation (R R^T differs from the identity by "
+            f"{name}: its 3 x 3 numbers are not a rotation (R R^T differs from the identity by "
             f"{error:.3g}, determinant {determinant:.6g})"
         )

@@ -46,7 +46,11 @@ def test_two_lines_are_an_image(tmp_path: Path, points: str, end: str) -> None:
         ("1 PINHOLE 640", "line 1: expected a camera .* got 3 words; the file is cut short"),
         ("#\n1 PINHOLE 640 480 500 500 320", "line 2: PINHOLE has 4 parameters .* got 3"),
         ("1 PINHOLE 640 480 500 500 320 240 0", "line 1: PINHOLE has 4 parameters .* got 5"),
-        ("1 FOV 640 480 500 500 320 240 1", "line 1: the camera model FOV is not known; known"),
+        ("1 FISH 640 480 500 320 240", "line 1: the camera model FISH is not known; known"),
+        (
+            "1 FOV 640 480 500 500 320 240 1",
+            "line 1: the camera model FOV is not supported; supported",
+        ),
         ("1 PINHOLE 640 480 500 nan 320 240", "parameters must be finite numbers, got 'nan'"),
         ("1 PINHOLE 640.5 480 500 500 320 240", "the width must be a whole number, got '640.5'"),
         ("-1 PINHOLE 640 480 500 500 320 240", "camera's number must be a whole number, got '-1'"),

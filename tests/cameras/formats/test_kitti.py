@@ -212,7 +212,7 @@ def test_what_is_written_is_read_back(tmp_path, points):
         ("P2: 721.5377", "P2: 721.5377x", "could not convert"),
         ("P2: 721.5377 0.0", "P2: 721.5377 3", "skew"),
         ("P2: 721.5377 ", "P2: ", "P2 must be 12 numbers, got 11"),
-        ("R0_rect: 0.9999239", "R0_rect: 0.9", "is not a rotation .* by 0.19"),
+        ("R0_rect: 0.9999239", "R0_rect: 0.9", "R0_rect: .* not a rotation .* by 0.19"),
         ("R0_rect: ", "R0_rect: 1 ", "R0_rect must be 9 numbers, got 10"),
         ("Tr_velo_to_cam", "Tr_to_cam", "no entry 'Tr_velo_to_cam or Tr_velo_cam or Tr'"),
     ],
@@ -241,3 +241,26 @@ def test_what_the_format_cannot_hold_is_refused(tmp_path):
     with pytest.raises(InputError, match="no lens distortion"):
         dw.cameras.save(bent, path, format="kitti")
     assert not path.exists()
+
+
+def test_the_raw_datas_lidar_beside_the_cameras(tmp_path, points):
+    """With calib_velo_to_cam.txt beside it the world is the LiDAR's frame, as in a benchmark."""
+    path = tmp_path / "calib_cam_to_cam.txt"
+    path.write_text(RAW.format(R0=text_of(R0), P0=text_of(P["P0"]), P2=text_of(P["P2"])))
+    beside = tmp_path / "calib_velo_to_cam.txt"
+    lidar = f"R: {text_of(TR[:, :3])}\nT: {text_of(TR[:, 3])}\ndelta_f: 0 0\n"
+    beside.write_text("calib_time: 15-Mar-2012 11:37:16\n" + lidar)
+    check(dw.cameras.load(path, "P2"), P["P2"], points)
+    for old, new, message in (("T:", "X:", "no entry 'T'"), ("R: 0.0", "R: 0.5", "not a rotation")):
+        beside.write_text(lidar.replace(old, new, 1))
+        with pytest.raises(FileFormatError, match=f"calib_velo_to_cam.txt.*{message}"):
+            dw.cameras.load(path, "P2")
+
+
+def test_the_raw_data_without_its_rotation(tmp_path):
+    """The message names the raw data's own entry."""
+    path = tmp_path / "calib_cam_to_cam.txt"
+    text = RAW.format(R0=text_of(R0), P0=text_of(P["P0"]), P2=text_of(P["P2"]))
+    path.write_text(text.replace("R_rect_00", "R_lost_00"))
+    with pytest.raises(FileFormatError, match="no entry 'R_rect_00'"):
+        dw.cameras.load_rig(path)

@@ -136,8 +136,42 @@ def test_an_unknown_file_is_told_what_is_known(tmp_path):
         dw.cameras.load(path)
     for what in ("OpenCV", "ROS", "Open3D", "KITTI", "COLMAP", "nerfstudio", "depth map"):
         assert what in str(caught.value)
+    assert len(str(caught.value).removeprefix(str(path))) <= 160
     with pytest.raises(FileFormatError, match="a folder of no known camera format"):
         dw.cameras.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "guess"),
+    [
+        ("cloud.ply", "ply\nformat ascii 1.0\n", "a point cloud; read it with depthwarp.read"),
+        ("a.json", '{\n"x": 1,\n', "broken JSON, line 3"),
+        ("t.csv", "# t, x\n0.5,1,2,3,0,0,0,1\n", "seems to be a trajectory; TUM's lines are"),
+        ("project/sparse/0/cameras.txt", "", "a COLMAP project, whose model is .*sparse.0"),
+    ],
+)
+def test_a_guess_at_what_an_unknown_file_is(tmp_path, name, content, guess):
+    """Point clouds, broken JSON with its line, a project of COLMAP."""
+    path = tmp_path / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(content)
+    with pytest.raises(FileFormatError, match=guess):
+        dw.cameras.load(tmp_path / name.split("/")[0])
+
+
+def test_an_empty_path(tmp_path, monkeypatch):
+    """Text without a name; and what pathlib makes of it, the current folder."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="path of the file is empty"):
+        dw.cameras.load("")
+    with pytest.raises(FileFormatError, match="an empty path means this folder"):
+        dw.cameras.load(Path(""))
+
+
+def test_the_only_camera_of_a_file_is_named(tmp_path):
+    """Where another name was asked for."""
+    with pytest.raises(InputError, match="no camera 'foo'; its only camera is 'camera'"):
+        dw.cameras.load(written(tmp_path, "cv.yaml"), "foo")
 
 
 def test_a_trajectory_has_no_lens_and_a_lens_no_trajectory(tmp_path):

@@ -231,7 +231,6 @@ COLUMNS = opengl_matrix(POSE).T.tolist()
         ),
         ({**LENS, "w": 640.5, "frames": [frame()]}, "size must be two whole numbers"),
         ({**LENS, "fl_x": 0, "frames": [frame()]}, "fx must be a finite number above 0"),
-        ({"fl_x": 500, "frames": [frame()]}, "there is no 'w': add the image's size"),
         ({"w": 64, "h": 48, "frames": [frame()]}, "neither 'fl_x' nor 'camera_angle_x'"),
         ({"w": 64, "h": 48, "camera_angle_x": 4, "frames": [frame()]}, "below pi radians, got 4"),
         (
@@ -269,3 +268,34 @@ def test_other_files_are_not_taken(tmp_path: Path, content: str) -> None:
     """JSON of another kind, what is no JSON, and folders are left to other formats."""
     assert not nerfstudio.matches(written(tmp_path, content))
     assert not nerfstudio.matches(tmp_path)
+
+
+def test_a_size_for_files_without_one(tmp_path: Path) -> None:
+    """The argument stands in for w and h, also under an angle; a file's own must be the same."""
+    path = written(tmp_path, {"camera_angle_x": math.pi / 2, "frames": [frame()]})
+    with pytest.raises(InputError, match=r"no 'w': give size=\(width, height\)"):
+        dw.cameras.load(path)
+    camera = dw.cameras.load(path, size=(640, 480))
+    assert isinstance(camera, dw.PinholeCamera) and camera.size == (640, 480)
+    assert (camera.fx, camera.fy) == pytest.approx((320, 320))
+    assert (camera.cx, camera.cy) == (319.5, 239.5)
+    path = written(tmp_path, {"fl_x": 500, "w": 640, "frames": [frame()]})
+    assert dw.cameras.load(path, size=(640, 480)).size == (640, 480)
+    with pytest.raises(InputError, match="640 x 240 pixels by the file, size says 320 x 240"):
+        dw.cameras.load(path, size=(320, 240))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"fl_x": 200}, "'fl_x' of a panorama must be at least half its width, 400.0"),
+        ({"fl_y": 200}, "'fl_y' 200.0 and 'cy' 200.0 of a panorama .* from -180 to 180 degrees"),
+        ({"cy": 300}, "'cy' 300.0 of a panorama"),
+    ],
+)
+def test_a_panorama_that_cannot_be(tmp_path: Path, change: dict[str, float], message: str) -> None:
+    """The message has the file's own names."""
+    numbers = {"w": 800, "h": 400, "fl_x": 400, "fl_y": 400, "cx": 400, "cy": 200, **change}
+    content = {"camera_model": "EQUIRECTANGULAR", **numbers, "frames": [frame()]}
+    with pytest.raises(FileFormatError, match=message):
+        nerfstudio.read_rig(written(tmp_path, content))

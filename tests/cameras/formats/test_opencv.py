@@ -145,7 +145,7 @@ def test_short_keys_and_a_matrix_of_a_rotation(tmp_path):
     """K, D, R, T are what the long names are; so is float32."""
     transform = POSE.optical_from_world
     entries = {"image_width": 640, "image_height": 480, "K": K.astype(np.float32)}
-    entries |= {"D": np.zeros(4), "R": transform[:3, :3], "T": transform[:3, 3]}
+    entries |= {"D": np.zeros(5), "R": transform[:3, :3], "T": transform[:3, 3]}
     camera = dw.cameras.load(write_storage(tmp_path / "short.yaml", **entries))
     np.testing.assert_array_equal(camera.K, K)
     np.testing.assert_allclose(camera.pose.optical_from_world, transform, rtol=0, atol=1e-12)
@@ -205,9 +205,9 @@ def test_a_missing_size_has_a_remedy(tmp_path):
         ({"camera_matrix": np.zeros((3, 3))}, "without skew"),
         ({"camera_matrix": np.array([[500, 2, 320], [0, 500, 240], [0, 0, 1.0]])}, "skew"),
         ({"camera_matrix": np.eye(2)}, "3 x 3"),
-        ({"camera_matrix": 5.0}, "camera_matrix or K is not a matrix"),
-        ({"camera_matrix": None}, "no entry 'camera_matrix or K'"),
-        ({"distortion_coefficients": None}, "no entry 'distortion_coefficients or D'"),
+        ({"camera_matrix": 5.0}, "camera_matrix is not a matrix"),
+        ({"camera_matrix": None}, "no entry 'camera_matrix or K or cameraMatrix'"),
+        ({"distortion_coefficients": None}, "no distortion_coefficients or D .* add the line"),
         ({"distortion_coefficients": np.zeros(7)}, "got 7"),
         ({"distortion_coefficients": np.array([np.nan, 0, 0, 0])}, "finite"),
         ({"image_width": 0}, "from 1 to"),
@@ -246,3 +246,77 @@ def test_what_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(InputError, match="suffix must be one of .yaml"):
         dw.cameras.save(BROWN, tmp_path / "a.txt", format="opencv")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("matrix", ["camera_matrix", "K", "cameraMatrix"])
+@pytest.mark.parametrize(
+    "coefficients", ["distortion_coefficients", "D", "distCoeffs", "dist_coeffs"]
+)
+@pytest.mark.parametrize("size", ["image_size", "imageSize"])
+def test_names_that_users_give(tmp_path, matrix, coefficients, size):
+    """Those of cv2's arguments; the size as a matrix of two numbers, (width, height)."""
+    distortion = np.array(BROWN.distortion)
+    entries = {size: np.array([640, 480]), matrix: K, coefficients: distortion}
+    assert dw.cameras.load(write_storage(tmp_path / "cv.yaml", **entries)) == BROWN
+
+
+def test_a_size_by_a_list(tmp_path):
+    """As C++ writes a cv::Size; three numbers are refused."""
+    path = tmp_path / "cv.yaml"
+    old = "image_width: 640\nimage_height: 480\n"
+    path.write_text(SAMPLE.replace(old, "image_size: [ 640, 480 ]\n"))
+    assert dw.cameras.load(path).size == (640, 480)
+    path.write_text(SAMPLE.replace(old, "image_size: [ 640, 480, 3 ]\n"))
+    with pytest.raises(FileFormatError, match=r"image_size must be \[width, height\], got 3"):
+        dw.cameras.load(path)
+
+
+def test_the_remedy_for_an_ideal_lens_helps(tmp_path):
+    """The line that the message says makes the file one of an ideal lens."""
+    path = tmp_path / "cv.yaml"
+    write_storage(path, image_width=640, image_height=480, camera_matrix=K)
+    with pytest.raises(FileFormatError, match="ideal lens add the line") as caught:
+        dw.cameras.load(path)
+    line = str(caught.value).split("'")[1]
+    path.write_text(path.read_text() + line + "\n")
+    assert dw.cameras.load(path) == dw.PinholeCamera.from_matrix(K, (640, 480))
+
+
+def test_the_matrix_is_checked_before_a_size_is_asked_for(tmp_path):
+    """What cannot be mended by a size is said first."""
+    path = write_storage(tmp_path / "cv.yaml", K=np.diag([0.0, 500, 1]), D=np.zeros(5))
+    with pytest.raises(FileFormatError, match="fx must be a finite number above 0"):
+        dw.cameras.load(path)
+
+
+@pytest.mark.parametrize("keys", ["K D", "K1 D1 K2 D2"])
+def test_four_coefficients_of_either_model_are_not_guessed(tmp_path, keys):
+    """Under D the file must say; under the sample's name they are cv2.calibrateCamera's."""
+    bent = np.array([[-0.01], [0.02], [-0.01], [0.002]])
+    lens = {key: K if key.startswith("K") else bent for key in keys.split()}
+    entries = {"image_width": 640, "image_height": 480, "R": np.eye(3), "T": np.zeros(3), **lens}
+    path = write_storage(tmp_path / "cv.yaml", **entries)
+    with pytest.raises(FileFormatError, match="4 coefficients, .*'fisheye_model: 1'"):
+        dw.cameras.load_rig(path)
+    text = path.read_text()
+    for number, model in enumerate((dw.PinholeCamera, dw.FisheyeCamera)):
+        path.write_text(f"{text}fisheye_model: {number}\n")
+        for camera in dw.cameras.load_rig(path).cameras:
+            assert type(camera) is model
+            assert camera.distortion == tuple(bent.ravel())
+    for name in ("distortion_coefficients", "distCoeffs"):
+        entries = {"image_size": np.array([640, 480]), "camera_matrix": K, name: bent}
+        write_storage(path, **entries)
+        assert type(dw.cameras.load(path)) is dw.PinholeCamera
+
+
+def test_one_camera_of_a_stereo_calibration_without_extrinsics(tmp_path):
+    """By its name, in its own optical frame; not both, and no other name."""
+    entries = {"M1": K, "D1": np.array(BROWN.distortion), "M2": 2 * K - np.diag([0, 0, 1])}
+    path = write_storage(tmp_path / "intrinsics.yml", **entries, D2=np.zeros(5))
+    assert dw.cameras.load(path, "camera1", size=(640, 480)) == BROWN
+    second = dw.cameras.load(path, "camera2", size=(640, 480))
+    assert second == dw.PinholeCamera.from_matrix(entries["M2"], (640, 480))
+    for name in (None, "left"):
+        with pytest.raises(FileFormatError, match="R and T between .* or load one alone by its"):
+            dw.cameras.load(path, name, size=(640, 480))

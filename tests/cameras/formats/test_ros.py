@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,10 @@ OTHER_WRITERS = {
     ),
     "comments and a start": "# made by hand\n---\n" + WRITTEN.replace("640", "640 # columns"),
     "deeper indentation": WRITTEN.replace("\n  ", "\n      "),
+    "maps in braces": re.sub(
+        r":\n  rows: (\d)\n  cols: (\d)\n  data: (.*)", r": {rows: \1, cols: \2, data: \3}", WRITTEN
+    ),
+    "comments behind quotes": WRITTEN.replace("plumb_bob", '"plumb_bob"  # the "usual" one'),
     "four coefficients": WRITTEN.replace("cols: 5", "cols: 4").replace("-0.0005, 0.0]", "-0.0005]"),
     "quotes": WRITTEN.replace("plumb_bob", '"plumb_bob"').replace(
         "narrow_stereo/left", "'narrow_stereo/left'"
@@ -102,12 +108,12 @@ def test_what_is_written_is_read_back(tmp_path, name):
         ("plumb_bob", "thin_plate", "unknown distortion_model 'thin_plate'; known are plumb_bob"),
         ("plumb_bob", "equidistant", "equidistant has 4 coefficients, got 5"),
         ("plumb_bob", "rational_polynomial", "has 8 or 12 or 14 coefficients, got 5"),
-        ("image_height: 480\n", "", "no entry 'image_height'"),
         ("distortion_coefficients", "distortion_coefficents", "no entry 'distortion_coefficients'"),
         ("projection_matrix", "projection", "no entry 'projection_matrix'"),
         ("438.75", "0.0", "fx must be a finite number above 0"),
         ("438.75, 0.0", "438.75, 0.5", "skew"),
-        ("438.75", ".nan", "could not convert"),
+        ("438.75", ".nan", "camera_matrix must be finite numbers, got '.nan'"),
+        ("data: [1.0, 0.0", "data: [0.9, 0.0", "rectification_matrix: .*not a rotation .* by 0.19"),
         ("438.75", "nan", "finite"),
         ("438.75, ", "", "camera_matrix does not hold 3 x 3 numbers"),
         ("cols: 4", "cols: 3", "projection_matrix does not hold 3 x 3 numbers"),
@@ -140,12 +146,17 @@ def test_bad_content_is_refused(tmp_path, old, new, message):
     [
         ("a: 1\na: 2", "line 2: 'a' stands twice"),
         ("a:\n  b: 1\n  b: 2", "line 3: 'b' stands twice"),
-        ("a:\n  b:\n    c: 1", "line 3: 'c: 1' is indented otherwise than above"),
+        ("a:\n  b: 2\n    c: 1", "line 3: 'c: 1' is indented under no key"),
+        ("a:\n    b: 2\n  c: 1", "line 3: 'c: 1' is indented otherwise than above"),
+        ("a: 1\n---\nb: 2", "line 3: a second document; keep one"),
         ("a:\n\tb: 1", "line 2: indented with a tab"),
         ("a: &anchor 1", "line 1: a value of a form"),
         ("a: *anchor", "line 1: a value of a form"),
         ("a: !!float 1", "line 1: a value of a form"),
-        ("a: {b: 1}", "line 1: a value of a form"),
+        ("a: {b: {c: 1}}", "line 1: a value of a form"),
+        ("a: {b: 1, b: 2}", "line 1: a value of a form"),
+        ("a: {b: 1} c", "line 1: text behind a map"),
+        ("a: {b: [1}", "line 1: the list in brackets has no end"),
         ("a: |\n  text", "line 1: a value of a form"),
         ("a: [[1, 2], [3, 4]]", "line 1: a value of a form"),
         ('a: "open', "line 1: not a text in quotes"),
@@ -185,3 +196,80 @@ def test_what_the_format_cannot_hold_is_refused(tmp_path):
     with pytest.raises(InputError, match="no model for a DoubleSphereCamera"):
         dw.cameras.save(other, tmp_path / "a.yaml", format="ros")
     assert not list(tmp_path.iterdir())
+
+
+HEADER = """header:
+  stamp:
+    sec: 1700000000
+    nanosec: 120000000
+  frame_id: camera
+height: 480
+width: 640
+"""
+LISTS = {
+    "d": (-0.3125, 0.0625, 0.00125, -0.0005, 0.0),
+    "k": (438.75, 0.0, 305.5, 0.0, 437.25, 247.5, 0.0, 0.0, 1.0),
+    "r": (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+    "p": (393.5, 0.0, 322.5, 0.0, 0.0, 393.5, 241.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+}
+ROI = "roi:\n  x_offset: 0\n  y_offset: 0\n  height: 0\n  width: 0\n  do_rectify: false\n---\n"
+
+
+def message(model, lists, *, capital=False):
+    """A message as ROS 2 prints it: lists by dashes; or as ROS 1 does: capitals, brackets."""
+    text = HEADER + f"distortion_model: {model}\n"
+    for name, values in lists.items():
+        if capital:
+            text += f"{name.upper()}: {list(values)}\n"
+        else:
+            text += f"{name}:\n" + "".join(f"- {value}\n" for value in values)
+    return text + "binning_x: 0\nbinning_y: 0\n" + ROI
+
+
+@pytest.mark.parametrize("capital", [False, True], ids=["ROS 2", "ROS 1"])
+def test_a_printed_message_is_read(tmp_path, capital):
+    """`ros2 topic echo --once` and `rostopic echo -n 1`; what stands in them twice is refused."""
+    path = tmp_path / "info.yaml"
+    path.write_text(message("plumb_bob", LISTS, capital=capital))
+    assert dw.cameras.load(path) == BROWN
+    path.write_text(message("plumb_bob", LISTS, capital=capital) * 2)
+    with pytest.raises(FileFormatError, match="a second document; keep one"):
+        dw.cameras.load(path)
+    binned = message("plumb_bob", LISTS, capital=capital).replace("binning_x: 0", "binning_x: 2")
+    path.write_text(binned)
+    with pytest.raises(FileFormatError, match="binning_x is 2"):
+        dw.cameras.load(path)
+
+
+def test_a_message_that_was_cut_short_is_refused_or_the_same_camera(tmp_path):
+    """At any place; numbers that are not used may be missing a digit."""
+    path, refused = tmp_path / "info.yaml", 0
+    text = message("plumb_bob", LISTS)
+    for length in range(1, len(text), 3):
+        path.write_text(text[:length])
+        try:
+            assert dw.cameras.load(path, size=(640, 480)) == BROWN
+        except FileFormatError:
+            refused += 1
+    assert refused > 75
+
+
+@pytest.mark.parametrize("capital", [False, True], ids=["ROS 2", "ROS 1"])
+def test_fisheye_is_another_name_of_equidistant(tmp_path, capital):
+    """The four coefficients are those of the angle's polynomial."""
+    path = tmp_path / "info.yaml"
+    path.write_text(message("fisheye", LISTS | {"d": (-0.01, 0.004, 0.001, 0)}, capital=capital))
+    expected = dw.FisheyeCamera.from_matrix(K, (640, 480), (-0.01, 0.004, 0.001, 0))
+    assert dw.cameras.load(path) == expected
+
+
+@pytest.mark.parametrize("lost", ["image_width: 640\n", "image_height: 480\n"])
+def test_a_missing_size_has_a_remedy(tmp_path, lost):
+    """The argument stands in; it must agree with the side that the file has."""
+    path = tmp_path / "info.yaml"
+    path.write_text(WRITTEN.replace(lost, ""))
+    with pytest.raises(InputError, match=r"image_width or .*give size=\(width, height\)"):
+        dw.cameras.load(path)
+    assert dw.cameras.load(path, size=(640, 480)) == BROWN
+    with pytest.raises(InputError, match="size says 320 x 240"):
+        dw.cameras.load(path, size=(320, 240))
