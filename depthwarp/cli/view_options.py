@@ -149,21 +149,19 @@ def camera_of_file(path: Path, name: str | None, size: tuple[int, int] | None) -
             its size is missing, or is not `size`.
         FileFormatError: The file holds no camera.
     """
-    from depthwarp.cameras import load_rig
+    from depthwarp.cameras import load, load_rig
 
     try:
+        if name is not None:
+            return load(path, name, size=size)
         rig = load_rig(path, size=size)
     except FileFormatError:
         raise
     except InputError as error:
-        if size is not None:
+        if size is not None or "size" not in str(error):
             raise
         raise InputError(f"{error}; on the command line: --size W H") from error
-    if name is None and len(rig) == 1:
+    if len(rig) == 1:
         return rig.cameras[0]
-    if name is not None and name in rig:
-        return rig[name]
     some = ", ".join(rig.names[:MOST_NAMES]) + ", ..." * (len(rig) > MOST_NAMES)
-    if name is None:
-        raise InputError(f"{path} holds {len(rig)} cameras: --camera-name NAME, one of {some}")
-    raise InputError(f"{path} has no camera '{name}': --camera-name NAME, one of {some}")
+    raise InputError(f"{path} holds {len(rig)} cameras: --camera-name NAME, one of {some}")
