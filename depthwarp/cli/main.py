@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 import depthwarp
+from depthwarp.cli.batch import batch
 from depthwarp.cli.calibrate import calibrate
 from depthwarp.cli.demo import demo
 from depthwarp.cli.doctor import doctor
@@ -28,6 +29,7 @@ app = typer.Typer(
 )
 app.command()(demo)
 app.command()(render)
+app.command()(batch)
 app.command()(info)
 app.command()(scan)
 app.command()(replay)

@@ -1,0 +1,120 @@
+"""How far `depthwarp batch` is, and how a signal ends it."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from depthwarp.cli.signals import ENDING
+
+if TYPE_CHECKING:
+    from depthwarp.depth_map import DepthMap
+
+__all__ = ["DrawnLine", "Interruption"]
+
+
+class DrawnLine:
+    """How many views are written, how fast, and how long the rest will take.
+
+    On a terminal one line that is drawn again and again, else a line about every tenth of the way.
+    Called with each map that is written, in any thread.
+
+    Args:
+        total: Number of views.
+        before: Those that were there in the beginning.
+
+    Attributes:
+        empty: Maps so far that show no point.
+    """
+
+    def __init__(self, total: int, before: int) -> None:
+        self.empty = 0
+        self._total, self._before, self._done = total, before, before
+        self._begun = time.perf_counter()
+        self._tenths = before * 10 // total
+        self._console = Console(stderr=True, highlight=False)
+        columns = (
+            TextColumn("drawing"),
+            BarColumn(bar_width=None),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]} views/s"),
+            TimeRemainingColumn(compact=True),
+        )
+        is_live = self._console.is_terminal
+        self._bar = Progress(*columns, console=self._console, expand=True, disable=not is_live)
+        self._task = self._bar.add_task("", total=total, completed=before, rate="-")
+
+    def __call__(self, depth_map: DepthMap) -> None:
+        """Show that one more view is written."""
+        self._done += 1
+        self.empty += depth_map.stats.drawn == 0
+        rate = (self._done - self._before) / max(time.perf_counter() - self._begun, 1e-9)
+        self._bar.update(self._task, completed=self._done, rate=f"{rate:,.0f}")
+        if self._bar.disable and self._done * 10 // self._total > self._tenths:
+            self._tenths = self._done * 10 // self._total
+            self._console.print(
+                f"drawing: {self._done:,} of {self._total:,}, {rate:,.1f} views/s, "
+                f"{(self._total - self._done) / rate:,.0f} s left",
+                soft_wrap=True,
+            )
+
+    def __enter__(self) -> DrawnLine:
+        self._begun = time.perf_counter()
+        self._bar.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._bar.stop()
+
+
+class Interruption:
+    """What the signals that end a program do: at once, or where it is awaited after a tile.
+
+    A second signal does not wait. Signals that whoever started us had ignored stay so.
+
+    Attributes:
+        has_come: Whether the work should end soon.
+    """
+
+    def __init__(self) -> None:
+        self.has_come = False
+        self._waits = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Interruption:
+        before = {number: signal.getsignal(number) for number in ENDING}
+        self._before = {n: old for n, old in before.items() if old is not signal.SIG_IGN}
+        for number in self._before:
+            signal.signal(number, self._come)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        for number, old in self._before.items():
+            signal.signal(number, old)
+
+    @contextmanager
+    def is_awaited(self) -> Iterator[None]:
+        """The work in the block looks at `has_come` by itself."""
+        self._waits = True
+        try:
+            yield
+        finally:
+            self._waits = False
+
+    def _come(self, number: int, frame: FrameType | None) -> None:
+        is_second, self.has_come = self.has_come, True
+        if is_second or not self._waits:
+            raise KeyboardInterrupt
