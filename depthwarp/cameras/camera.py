@@ -40,10 +40,12 @@ class DepthImage(Protocol):
     @property
     def depth(self) -> npt.NDArray[np.float32]:
         """Depth [m], shape (H, W), 0 = empty."""
+        ...
 
     @property
     def kind(self) -> DepthKind:
         """Which depth it is."""
+        ...
 
 
 class DeviceLens(NamedTuple):
@@ -210,7 +212,8 @@ class Camera(ABC):
                 f"depth must have the camera's shape (height, width) = {self.height, self.width}, "
                 f"got {metres.shape}"
             )
-        v, u = np.indices(metres.shape, dtype=np.float64)
+        grid = np.indices(metres.shape, dtype=np.float64)
+        v, u = grid[0], grid[1]
         with np.errstate(all="ignore"):
             metres = np.where(np.isfinite(metres) & (metres > 0), metres, np.nan)
             return self.to_world(self.points_of(u, v, metres, kind), u)
