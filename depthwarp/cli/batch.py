@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +14,7 @@ from depthwarp.cli.guard import run_command
 from depthwarp.cli.options import CloudArgument, DeviceOption, JsonOption, OffsetOption
 from depthwarp.cli.render import DepthChoice, EncodingChoice, FilterChoice
 from depthwarp.cli.report import Reporter, quiet_warp
-from depthwarp.errors import InputError, LensDomainWarning
+from depthwarp.errors import InputError
 
 if TYPE_CHECKING:
     from depthwarp.batch_job.outputs import Output
@@ -93,11 +92,8 @@ def batch(
         config = RenderConfig(depth.value, min_range, max_range, chain)
         target = resolve_device(device)
         numbers = _encoding(output, encoding, max_range)
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", LensDomainWarning)
+        with reporter.lens_warnings(camera or poses):
             views = _views(poses, camera, camera_name, fov, size)
-        for text in dict.fromkeys(str(warning.message) for warning in caught):
-            reporter.say(f"warning: {camera or poses}: {text}")
         for lens in views.lenses:
             lens.check_kind(config.depth)
         with Interruption() as interruption, _output(output, views, numbers) as out:
@@ -149,14 +145,15 @@ def _views(
         InputError: Options are missing, or contradict each other or the file.
     """
     from depthwarp.batch_job.views import read_views
-    from depthwarp.cameras import PinholeCamera, load
+    from depthwarp.cameras import PinholeCamera
+    from depthwarp.cli.view_options import camera_of_file
 
     if camera_name is not None and camera is None:
         raise InputError("--camera-name belongs to --camera FILE")
     if camera is not None:
         if fov is not None:
             raise InputError("--camera already says the lens: leave out --fov")
-        return read_views(poses, load(camera, camera_name, size=size))
+        return read_views(poses, camera_of_file(camera, camera_name, size))
     if fov is not None:
         if size is None:
             raise InputError("--fov H V needs --size W H")

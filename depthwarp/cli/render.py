@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,7 +20,7 @@ from depthwarp.cli.view_options import (
     is_optical_frame,
     view_of_file,
 )
-from depthwarp.errors import InputError, LensDomainWarning
+from depthwarp.errors import InputError
 
 if TYPE_CHECKING:
     from depthwarp.depth_map import DepthMap
@@ -137,7 +134,7 @@ def render(
         if camera is None:
             view = described_view(pose, fov, size, ranges, camera_name)
         else:
-            with _say_warnings(reporter, camera):
+            with reporter.lens_warnings(camera):
                 view = view_of_file(camera, camera_name, pose, fov, size, ranges)
             if position is None and is_optical_frame(view):
                 reporter.say(
@@ -170,17 +167,6 @@ def render(
         _report(reporter, depth_map, output)
 
     run_command(reporter, command)
-
-
-@contextmanager
-def _say_warnings(reporter: Reporter, path: Path | None = None) -> Iterator[None]:
-    """Show warnings, of a file, as lines for people, without the place in the source."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", LensDomainWarning)
-        yield
-    for warning in caught:
-        of_file = "" if path is None else f"{path}: "
-        reporter.say(f"warning: {of_file}{warning.message}")
 
 
 def _check_inputs_survive(output: Path, *inputs: Path | None) -> None:

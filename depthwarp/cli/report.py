@@ -7,8 +7,10 @@ import os
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -20,6 +22,8 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
+
+from depthwarp.errors import LensDomainWarning
 
 __all__ = ["ProgressLine", "Reporter", "quiet_warp"]
 
@@ -104,6 +108,15 @@ class Reporter:
             yield
         took = time.perf_counter() - start
         self.seconds[name] = round(self.seconds.get(name, 0.0) + took, 4)
+
+    @contextmanager
+    def lens_warnings(self, path: Path) -> Iterator[None]:
+        """Show what is wrong with the lenses of a file as lines, each once, without the source."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", LensDomainWarning)
+            yield
+        for text in dict.fromkeys(str(warning.message) for warning in caught):
+            self.say(f"warning: {path}: {text}")
 
     @contextmanager
     def progress(
