@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import warp as wp
 
 from depthwarp import arrays
 from depthwarp.devices import check_memory, resolve_device, usable_cores
+from depthwarp.threads import thread_pool
 from depthwarp_kernels import point_source, prepare
 
 if TYPE_CHECKING:
@@ -129,5 +129,4 @@ def _launch(
         if size:
             wp.launch(kernel, size, [*inputs, first, *more], outputs, device=device)
 
-    with ThreadPoolExecutor(parts) as pool:
-        list(pool.map(launch, range(parts)))
+    list(thread_pool(parts).map(launch, range(parts)))

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from depthwarp.cameras.pose import Pose, check_pose
-from depthwarp.checks import check_choice, check_points
+from depthwarp.checks import check_choice, check_points, check_size
 from depthwarp.errors import InputError, LensDomainWarning
 
 __all__ = ["Camera", "DepthImage", "DepthKind", "DeviceLens"]
@@ -104,6 +104,17 @@ class Camera(ABC):
     @abstractmethod
     def device_lens(self, first: int = 0) -> DeviceLens:
         """The lens as kernels take it; its table will begin at number `first` of all tables."""
+
+    def _check_image(self) -> None:
+        """Refuse a pose or size that is none, and make the size plain numbers.
+
+        Raises:
+            InputError: The pose is no `Pose`, or the size not two positive whole numbers.
+        """
+        check_pose("pose", self.pose)
+        width, height = check_size((self.width, self.height))
+        object.__setattr__(self, "width", width)
+        object.__setattr__(self, "height", height)
 
     @property
     def size(self) -> tuple[int, int]:

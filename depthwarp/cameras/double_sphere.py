@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from depthwarp.cameras.camera import Camera, DeviceLens
 from depthwarp.cameras.limits import cone_limits
-from depthwarp.cameras.pose import Pose, check_pose
-from depthwarp.checks import check_finite_vector, check_positive, check_size
+from depthwarp.cameras.pinhole import check_focal
+from depthwarp.cameras.pose import Pose
 from depthwarp.errors import InputError
 
 __all__ = ["DoubleSphereCamera"]
@@ -58,17 +58,12 @@ class DoubleSphereCamera(Camera):
     ahead_only: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_positive("fx", self.fx, "pixels")
-        check_positive("fy", self.fy, "pixels")
-        check_finite_vector("principal point (cx, cy)", (self.cx, self.cy), 2)
+        check_focal(self.fx, self.fy, self.cx, self.cy)
         if not -1 < self.xi < 1:
             raise InputError(f"xi must be above -1 and below 1, got {self.xi}")
         if not 0 <= self.alpha < 1:
             raise InputError(f"alpha must be from 0 to below 1, got {self.alpha}")
-        check_pose("pose", self.pose)
-        width, height = check_size((self.width, self.height))
-        object.__setattr__(self, "width", width)
-        object.__setattr__(self, "height", height)
+        self._check_image()
         self.warn_of_lost_pixels()
 
     @property

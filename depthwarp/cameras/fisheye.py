@@ -14,9 +14,9 @@ import numpy.typing as npt
 from depthwarp.cameras.camera import Camera, DeviceLens
 from depthwarp.cameras.inversion import first_positive_root, invert_increasing
 from depthwarp.cameras.limits import cone_limits
-from depthwarp.cameras.pinhole import intrinsics_of
-from depthwarp.cameras.pose import Pose, check_pose
-from depthwarp.checks import check_finite_vector, check_positive, check_size
+from depthwarp.cameras.pinhole import check_focal, intrinsics_of
+from depthwarp.cameras.pose import Pose
+from depthwarp.checks import check_finite_vector, check_size
 from depthwarp.errors import InputError
 
 __all__ = ["FisheyeCamera"]
@@ -72,13 +72,8 @@ class FisheyeCamera(Camera):
     ahead_only: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_positive("fx", self.fx, "pixels")
-        check_positive("fy", self.fy, "pixels")
-        check_finite_vector("principal point (cx, cy)", (self.cx, self.cy), 2)
-        check_pose("pose", self.pose)
-        width, height = check_size((self.width, self.height))
-        object.__setattr__(self, "width", width)
-        object.__setattr__(self, "height", height)
+        check_focal(self.fx, self.fy, self.cx, self.cy)
+        self._check_image()
         coefficients = np.ravel(np.asarray(self.distortion, dtype=np.float64))
         if coefficients.size != 4:
             raise InputError(

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from depthwarp.cameras.camera import Camera, DepthKind, DeviceLens
-from depthwarp.cameras.pose import Pose, PositionFrame, check_pose
+from depthwarp.cameras.pose import Pose, PositionFrame
 from depthwarp.checks import check_positive, check_size
 
 __all__ = ["OrthographicCamera"]
@@ -49,10 +49,7 @@ class OrthographicCamera(Camera):
 
     def __post_init__(self) -> None:
         check_positive("pixel_size", self.pixel_size, "metres")
-        check_pose("pose", self.pose)
-        width, height = check_size((self.width, self.height))
-        object.__setattr__(self, "width", width)
-        object.__setattr__(self, "height", height)
+        self._check_image()
 
     @classmethod
     def looking(

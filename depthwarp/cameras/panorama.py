@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from depthwarp.cameras.camera import Camera, DepthKind, DeviceLens
-from depthwarp.cameras.pose import Pose, PositionFrame, check_pose
+from depthwarp.cameras.pose import Pose, PositionFrame
 from depthwarp.checks import check_finite_vector, check_size
 from depthwarp.errors import InputError
 
@@ -39,10 +39,7 @@ class _Panorama(Camera):
     default_elevations: ClassVar[tuple[float, float]]
 
     def __post_init__(self) -> None:
-        check_pose("pose", self.pose)
-        width, height = check_size((self.width, self.height))
-        object.__setattr__(self, "width", width)
-        object.__setattr__(self, "height", height)
+        self._check_image()
         if not 0 < self.azimuths <= 360:
             raise InputError(
                 f"azimuths must be above 0 and at most 360 degrees, got {self.azimuths}"

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from depthwarp.cameras.brown import BrownDistortion
 from depthwarp.cameras.camera import Camera, DeviceLens
 from depthwarp.cameras.limits import plane_limits
-from depthwarp.cameras.pose import Pose, PositionFrame, check_pose
+from depthwarp.cameras.pose import Pose, PositionFrame
 from depthwarp.checks import (
     check_finite_vector,
     check_fov,
@@ -24,7 +24,7 @@ from depthwarp.checks import (
 )
 from depthwarp.errors import InputError
 
-__all__ = ["PinholeCamera", "intrinsics_of"]
+__all__ = ["PinholeCamera", "check_focal", "intrinsics_of"]
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -73,13 +73,8 @@ class PinholeCamera(Camera):
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        check_positive("fx", self.fx, "pixels")
-        check_positive("fy", self.fy, "pixels")
-        check_finite_vector("principal point (cx, cy)", (self.cx, self.cy), 2)
-        check_pose("pose", self.pose)
-        width, height = check_size((self.width, self.height))
-        object.__setattr__(self, "width", width)
-        object.__setattr__(self, "height", height)
+        check_focal(self.fx, self.fy, self.cx, self.cy)
+        self._check_image()
         coefficients = BrownDistortion.from_coefficients(self.distortion).coefficients
         object.__setattr__(self, "distortion", coefficients)
         if coefficients:
@@ -214,6 +209,17 @@ class PinholeCamera(Camera):
             full.tilt = wp.mat33f(*lens.tilt.ravel().tolist())
             numbers = full
         return DeviceLens(model, numbers, np.empty(0, np.float32))
+
+
+def check_focal(fx: float, fy: float, cx: float, cy: float) -> None:
+    """Refuse a focal length that is not above 0 or a principal point that is not finite [px].
+
+    Raises:
+        InputError: The message names the number.
+    """
+    check_positive("fx", fx, "pixels")
+    check_positive("fy", fy, "pixels")
+    check_finite_vector("principal point (cx, cy)", (cx, cy), 2)
 
 
 def intrinsics_of(K: npt.ArrayLike) -> tuple[float, float, float, float]:

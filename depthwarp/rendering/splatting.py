@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import warp as wp
@@ -17,6 +14,7 @@ from depthwarp.devices import usable_cores
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.points import Points
 from depthwarp.rendering.views import DeviceViews
+from depthwarp.threads import thread_pool
 from depthwarp_kernels import resolve as resolving
 from depthwarp_kernels import splat, splat_blocks
 from depthwarp_kernels.point_source import BLOCK, PointSource
@@ -28,15 +26,6 @@ LEAST_BLOCKS = 128
 
 PARTS_A_THREAD = 8
 """Parts that a thread takes one after the other, so that none waits long for the last."""
-
-
-@cache
-def _pool(threads: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads, thread_name_prefix="depthwarp")
-
-
-if hasattr(os, "register_at_fork"):  # a forked process has the pools, but none of their threads
-    os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
 def _thread_count(device: Any, threads: int | None) -> int:
@@ -83,6 +72,7 @@ class Splatter:
         self.keys = arrays.empty((buffers, views.count, cells), wp.uint64, device)
         self.counts = arrays.empty((buffers, views.count, splat.COUNT_COLUMNS), wp.int64, device)
         self._nothing = arrays.zeros(1, wp.int32, device)
+        self._loaded: dict[PointSource, list[Any]] = {}
         self._slots = [
             [(self.keys[b, v], self.counts[b, v]) for v in range(views.count)]
             for b in range(buffers)
@@ -140,15 +130,20 @@ class Splatter:
                 )
 
     def _kernels(self, source: PointSource) -> list[Any]:
-        """The kernels, compiled and loaded: for single points, blocks, and which are in view."""
+        """The kernels, loaded once: for single points, blocks, and which blocks are in view."""
+        if source in self._loaded:
+            return self._loaded[source]
         config = splat.SplatConfig(
             source, self._views.model, self._depth, self._views.has_range_views
         )
-        kernels = [splat.splat_kernel(config)]
+        kernels: list[Any] = [splat.splat_kernel(config)]
         if not self._device.is_cuda:
-            kernels += [splat_blocks.block_kernel(config), splat_blocks.cull_kernel(config)]
+            kernels.append(splat_blocks.block_kernel(config))
+            if source.sphere_of is not None:
+                kernels.append(splat_blocks.cull_kernel(config))
         for kernel in kernels:
             wp.load_module(kernel.module, device=self._device)
+        self._loaded[source] = kernels
         return kernels
 
     def _draw_points(self, work: _Work) -> None:
@@ -217,7 +212,8 @@ class Splatter:
 
     def _share(self, draw: Callable[[int], None]) -> None:
         """Let every thread do its work, and wait for all of them."""
-        for done in [_pool(self._threads).submit(draw, thread) for thread in range(self._threads)]:
+        pool = thread_pool(self._threads)
+        for done in [pool.submit(draw, thread) for thread in range(self._threads)]:
             done.result()
 
 
