@@ -111,7 +111,7 @@ def _blocks_of(points: Any, order: Any, finite: int, blocks: int, device: Any) -
         for axis in (source.x, source.y, source.z):
             axis[finite:].fill_(wp.nan)
     parts = [source.x, source.y, source.z, source.original]
-    _launch(prepare.take_apart, finite, [points, order], parts, device)
+    _launch(prepare.take_apart, finite, [points, order], parts, device, finite)
     _launch(prepare.block_spheres, blocks, parts[:3], [source.spheres], device, finite)
     return source
 

@@ -123,7 +123,7 @@ class Camera(ABC):
 
     @cached_property
     def cull_limits(self) -> tuple[float, ...]:
-        """At most 8 numbers: what the lens sees at most, as its model's `may_meet` reads them."""
+        """At most 16 numbers: what the lens sees, as its model's culling reads them."""
         return ()
 
     def with_pose(self: AnyCamera, pose: Pose) -> AnyCamera:

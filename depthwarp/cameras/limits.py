@@ -1,4 +1,4 @@
-"""What a camera can see at most: bounds that culling takes, a little wider than the image."""
+"""What a camera sees: bounds for culling, a little wider than the image, and a little narrower."""
 
 from __future__ import annotations
 
@@ -16,47 +16,81 @@ Float64Array = npt.NDArray[np.float64]
 SAMPLES = 129
 """Rays along each border of the image."""
 
-WIDER = 0.02
-"""What the bounds are wider by [rad]: the curved border between two rays, and rounding."""
+WIDER = 0.002
+"""What the bounds are wider or narrower by [rad] at least."""
+
+NOWHERE = (0.0,) * 8
+"""Planes inside which nothing lies."""
 
 
 def plane_limits(camera: Camera) -> tuple[float, ...]:
-    """Four planes through the centre that hold all rays of a camera that looks ahead.
+    """Planes through the centre: four that hold all rays of a camera that looks ahead, four within.
 
     Returns:
-        (n_y, n_x) of the inward normals of the left and right plane and (n_z, n_x) of the lower
-        and upper one, each of length 1.
+        (n_y, n_x) of the inward normals of the left and right plane and (n_z, n_x) of the upper
+        and lower one, each of length 1; then the same of four planes between which all rays are
+        rays of the image, or zeros where that cannot be told.
     """
-    rays = _border_rays(camera)
-    ahead = rays[rays[:, 0] > 0]
-    horizontal, vertical = (
-        np.arctan2(ahead[:, 1], ahead[:, 0]),
-        np.arctan2(ahead[:, 2], ahead[:, 0]),
+    borders = _border_rays(camera)
+    rays = borders.reshape(-1, 3)
+    # Where the lens reaches only a part of the image, its border rays do not bound the rest.
+    if not (len(rays) and (rays[:, 0] > 0).all()):
+        return _planes(math.pi / 2, -math.pi / 2) * 2 + NOWHERE
+    across, down = (np.arctan2(borders[..., axis], borders[..., 0]) for axis in (1, 2))
+    # A border bulges between its rays by less than the bend of three.
+    margins = [
+        WIDER + 2 * float(np.abs(np.diff(angles, 2)).max()) for angles in (across[:2], down[2:])
+    ]
+    outer = tuple(
+        _planes(
+            min(float(angles.max()) + margin, math.pi / 2),
+            max(float(angles.min()) - margin, -math.pi / 2),
+        )
+        for angles, margin in zip((across, down), margins, strict=True)
     )
-    limits: list[float] = []
-    for angles in (horizontal, vertical):
-        # Where the lens reaches only a part of the image, its border rays do not bound the rest.
-        whole = len(ahead) == len(rays) and len(rays) > 0 and not np.isnan(angles).any()
-        high = min(float(angles.max()) + WIDER, math.pi / 2) if whole else math.pi / 2
-        low = max(float(angles.min()) - WIDER, -math.pi / 2) if whole else -math.pi / 2
-        limits += [-math.cos(high), math.sin(high), math.cos(low), -math.sin(low)]
-    return tuple(limits)
+    return outer[0] + outer[1] + _inner_planes(camera, across, down, margins)
+
+
+def _inner_planes(
+    camera: Camera, across: Float64Array, down: Float64Array, margins: list[float]
+) -> tuple[float, ...]:
+    """The largest rectangle of angles that no border crosses, if it lies in the image.
+
+    A border is a closed curve, so a rectangle that it does not touch is inside as a whole if its
+    middle is.
+    """
+    left, right, upper, lower = range(4)
+    high_y, low_y = across[left].min() - margins[0], across[right].max() + margins[0]
+    high_z, low_z = down[upper].min() - margins[1], down[lower].max() + margins[1]
+    if high_y <= low_y or high_z <= low_z:
+        return NOWHERE
+    middle = np.tan([0.5 * (high_y + low_y), 0.5 * (high_z + low_z)])
+    pixel = np.concatenate(camera.image_of(np.array([[1.0, *middle]])))
+    size = np.array(camera.size)
+    is_inside = bool((np.abs(pixel - 0.5 * (size - 1)) < 0.5 * size).all())  # not for NaN
+    if not is_inside:
+        return NOWHERE
+    return _planes(float(high_y), float(low_y)) + _planes(float(high_z), float(low_z))
+
+
+def _planes(high: float, low: float) -> tuple[float, ...]:
+    """Inward normals of two planes at angles from the axis [rad]."""
+    return -math.cos(high), math.sin(high), math.cos(low), -math.sin(low)
 
 
 def cone_limits(camera: Camera, most: float) -> tuple[float, ...]:
     """Cosine and sine of an angle about the axis that holds all rays, at most `most` [rad]."""
-    rays = _border_rays(camera)
-    if np.isnan(rays).any() or not len(rays):
-        angle = most
-    else:
-        angle = min(float(np.arccos(np.clip(rays[:, 0], -1, 1)).max()) + WIDER, most)
+    from_axis = np.arccos(np.clip(_border_rays(camera)[..., 0], -1, 1))
+    margin = WIDER + 2 * np.abs(np.diff(from_axis, 2)).max()
+    angle = most if np.isnan(margin) else min(float(from_axis.max() + margin), most)
     return math.cos(angle), math.sin(angle)
 
 
 def _border_rays(camera: Camera) -> Float64Array:
-    """Rays along the outer edge of the image, shape (4 * SAMPLES, 3)."""
+    """Rays along the outer edges of the image: left, right, upper, lower; shape (4, SAMPLES, 3)."""
     right, bottom = camera.width - 0.5, camera.height - 0.5
     u, v = np.linspace(-0.5, right, SAMPLES), np.linspace(-0.5, bottom, SAMPLES)
-    columns = np.concatenate([u, u, np.full(SAMPLES, -0.5), np.full(SAMPLES, right)])
-    rows = np.concatenate([np.full(SAMPLES, -0.5), np.full(SAMPLES, bottom), v, v])
+    start = np.full(SAMPLES, -0.5)
+    columns = np.stack([start, np.full(SAMPLES, right), u, u])
+    rows = np.stack([v, v, start, np.full(SAMPLES, bottom)])
     return camera.directions(columns, rows)

@@ -1,7 +1,8 @@
-"""Which blocks of points a view cannot see, conservatively: a block that it may see is drawn.
+"""Which blocks of points a view cannot see, and which it sees whole, both conservatively.
 
 A block is a sphere, its radius grown by what rounding can move a point. Each kind of limits is a
-function (view, center, radius) -> bool, in the camera frame: whether the sphere may be in view.
+function (view, center, radius) -> bool, in the camera frame: `may_meet_*` whether the sphere may be
+in view, `inside_*` whether all of it is for certain.
 """
 
 import warp as wp
@@ -9,17 +10,30 @@ import warp as wp
 from depthwarp_kernels.view import View
 
 
-# view.limits: four planes through the camera's centre, as (y or z part, x part) of their inward
-# normals of length 1: left, right, upper, lower.
+# view.limits from `k` on: four planes through the camera's centre, as (y or z part, x part) of the
+# inward normals, length 1: left, right, upper, lower. The first four hold the image, the others
+# lie inside it.
+@wp.func
+def depth_in_planes(view: View, center: wp.vec3f, k: wp.int32):
+    """Distance of a point from the nearest of four planes, negative outside."""
+    x = center[0]
+    left = view.limits[k] * center[1] + view.limits[k + 1] * x
+    right = view.limits[k + 2] * center[1] + view.limits[k + 3] * x
+    upper = view.limits[k + 4] * center[2] + view.limits[k + 5] * x
+    lower = view.limits[k + 6] * center[2] + view.limits[k + 7] * x
+    return wp.min(wp.min(left, right), wp.min(upper, lower))
+
+
 @wp.func
 def may_meet_planes(view: View, center: wp.vec3f, radius: wp.float32):
-    """Whether a sphere may lie inside the planes through the image's borders."""
-    x = center[0]
-    left = view.limits[0] * center[1] + view.limits[1] * x
-    right = view.limits[2] * center[1] + view.limits[3] * x
-    upper = view.limits[4] * center[2] + view.limits[5] * x
-    lower = view.limits[6] * center[2] + view.limits[7] * x
-    return wp.min(wp.min(left, right), wp.min(upper, lower)) >= -radius
+    """Whether a sphere may lie inside the planes round the image's borders."""
+    return depth_in_planes(view, center, 0) >= -radius
+
+
+@wp.func
+def inside_planes(view: View, center: wp.vec3f, radius: wp.float32):
+    """Whether a sphere lies ahead and inside the planes within the image's borders."""
+    return depth_in_planes(view, center, 8) >= radius and center[0] > radius
 
 
 # view.limits: cosine and sine of the greatest angle from the axis. The sphere is seen under the

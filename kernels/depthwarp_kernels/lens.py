@@ -64,6 +64,8 @@ class LensModel:
         place: `wp.func (view, lens, tables, point) -> vec3f`: the point in the camera frame.
         may_meet: `wp.func (view, center, radius) -> bool`, one of `cull`: whether a sphere in the
             camera frame may be in view, by `view.limits`.
+        inside: The same for a sphere that is in the image, in the model's domain and ahead, all of
+            it; None for models that never say so.
     """
 
     struct: Any
@@ -72,3 +74,4 @@ class LensModel:
     range_of: Any = range_from_center
     place: Any = place_still
     may_meet: Any = may_meet_all
+    inside: Any = None

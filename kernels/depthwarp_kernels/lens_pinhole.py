@@ -5,7 +5,7 @@
 
 import warp as wp
 
-from depthwarp_kernels.cull import may_meet_box, may_meet_planes
+from depthwarp_kernels.cull import inside_planes, may_meet_box, may_meet_planes
 from depthwarp_kernels.lens import LensModel, drawn_if, range_of_parallel
 
 
@@ -24,7 +24,9 @@ def project_pinhole(lens: PinholeLens, tables: wp.array[wp.float32], p: wp.vec3f
     return wp.vec3f(lens.cx - lens.fx * (p[1] / p[0]), lens.cy - lens.fy * (p[2] / p[0]), 1.0)
 
 
-PINHOLE = LensModel(PinholeLens, project_pinhole, ahead_only=True, may_meet=may_meet_planes)
+PINHOLE = LensModel(
+    PinholeLens, project_pinhole, ahead_only=True, may_meet=may_meet_planes, inside=inside_planes
+)
 
 
 # Brown-Conrady with OpenCV's names: radial k1, k2, k3, tangential p1, p2. No point farther from the
@@ -67,7 +69,9 @@ def project_brown(lens: BrownLens, tables: wp.array[wp.float32], p: wp.vec3f):
     )
 
 
-BROWN = LensModel(BrownLens, project_brown, ahead_only=True, may_meet=may_meet_planes)
+BROWN = LensModel(
+    BrownLens, project_brown, ahead_only=True, may_meet=may_meet_planes, inside=inside_planes
+)
 
 
 # OpenCV's full model: the radial part divided by 1 + k4 r^2 + k5 r^4 + k6 r^6, thin prism s1 to s4,
@@ -104,7 +108,9 @@ def project_rational(lens: RationalLens, tables: wp.array[wp.float32], p: wp.vec
     )
 
 
-RATIONAL = LensModel(RationalLens, project_rational, ahead_only=True, may_meet=may_meet_planes)
+RATIONAL = LensModel(
+    RationalLens, project_rational, ahead_only=True, may_meet=may_meet_planes, inside=inside_planes
+)
 
 
 @wp.func

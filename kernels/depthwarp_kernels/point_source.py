@@ -15,6 +15,7 @@ SEEN = wp.constant(0)
 ALL_BEHIND = wp.constant(1)
 ALL_OUTSIDE = wp.constant(2)
 NONE_IN_VIEW = wp.constant(3)  # some of it behind, the rest outside
+ALL_DRAWN = wp.constant(4)
 
 # What rounding can move a point by in the camera frame, in parts of the numbers that go in.
 ROUNDING = wp.constant(wp.float32(4.0e-6))

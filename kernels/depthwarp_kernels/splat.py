@@ -11,10 +11,11 @@ from functools import cache
 
 import warp as wp
 
-from depthwarp_kernels.lens import LensModel, z_of
+from depthwarp_kernels.lens import LensModel, range_from_center, z_of
 from depthwarp_kernels.options import EXACT
 from depthwarp_kernels.point_source import (
     ALL_BEHIND,
+    ALL_DRAWN,
     ALL_OUTSIDE,
     BLOCK,
     NONE_IN_VIEW,
@@ -49,6 +50,9 @@ COUNT_COLUMNS = 6
 LEAST_Z_COSINE = wp.constant(math.cos(math.radians(85.0)))
 AHEAD_COSINE = wp.constant(math.cos(math.radians(84.0)))
 AHEAD_SINE = wp.constant(math.sin(math.radians(84.0)))
+
+# More than rounding can move a depth by, in parts of it.
+DEPTH_ROUNDING = wp.constant(wp.float32(1.0e-6))
 
 
 @dataclass(frozen=True)
@@ -119,9 +123,19 @@ def reason_function(config: SplatConfig):
 @cache
 def verdict_function(config: SplatConfig):
     """The function (view, source, block) that says whether a block has to be looked at."""
-    may_meet = config.lens.may_meet
+    may_meet, inside = config.lens.may_meet, config.lens.inside
     sphere_of = config.source.sphere_of
     Source = config.source.struct
+
+    @wp.func
+    def in_bounds(view: View, center: wp.vec3f, radius: wp.float32):
+        """Whether all depths in a sphere lie between min_range and max_range."""
+        if wp.static(config.depth_of is range_from_center):
+            depth = wp.length(center)
+        else:
+            depth = center[0]
+        margin = radius + DEPTH_ROUNDING * depth
+        return depth - margin > view.min_range and depth + margin < view.max_range
 
     @wp.func
     def verdict_of(view: View, source: Source, block: wp.int32):
@@ -140,6 +154,9 @@ def verdict_function(config: SplatConfig):
                 aside = wp.sqrt(center[1] * center[1] + center[2] * center[2])
                 if center[0] * AHEAD_SINE - aside * AHEAD_COSINE <= radius:
                     return SEEN
+            if wp.static(inside is not None and not config.range_view):
+                if inside(view, center, radius) and in_bounds(view, center, radius):
+                    return ALL_DRAWN
             if may_meet(view, center, radius):
                 return SEEN
             if wp.static(config.ahead_only):

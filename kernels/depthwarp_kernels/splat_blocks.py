@@ -8,8 +8,9 @@ from functools import cache
 
 import warp as wp
 
+from depthwarp_kernels.nearest import keep_nearest, keep_nearest_and_fetch
 from depthwarp_kernels.options import EXACT
-from depthwarp_kernels.point_source import ALL_OUTSIDE, BLOCK, NONE_IN_VIEW, SEEN
+from depthwarp_kernels.point_source import ALL_DRAWN, ALL_OUTSIDE, BLOCK, NONE_IN_VIEW, SEEN
 from depthwarp_kernels.splat import (
     BEHIND,
     DRAWN,
@@ -18,7 +19,6 @@ from depthwarp_kernels.splat import (
     TOO_FAR,
     TOO_NEAR,
     SplatConfig,
-    pack_key,
     reason_function,
     verdict_function,
 )
@@ -29,12 +29,18 @@ from depthwarp_kernels.view import View, pixel_of, to_camera
 SPARE_CELLS = wp.constant(64)
 
 
+@wp.func
+def first_of(entry: wp.int32):
+    """First point of a block by its entry in the list: b, or -1 - b where every point is drawn."""
+    return wp.where(entry < 0, -1 - entry, entry) * wp.static(BLOCK)
+
+
 @cache
 def cull_kernel(config: SplatConfig):
     """Kernel, for one thread, that lists the blocks a view may see and counts the others' points.
 
-    Blocks are those from `first` on, as many as `seen_out` holds places; the cloud holds `count`
-    points.
+    Blocks are `blocks` from `first` on; the cloud holds `count` points. A block b of which every
+    point is drawn is listed as -1 - b.
     """
     Source = config.source.struct
     point_at = config.source.point_at
@@ -68,11 +74,14 @@ def cull_kernel(config: SplatConfig):
         length = int(0)
         for block in range(first, first + blocks):
             verdict = verdict_of(view, source, block)
-            if verdict == SEEN:
+            held = wp.min(wp.static(BLOCK), count - block * wp.static(BLOCK))
+            if verdict == ALL_DRAWN and held == wp.static(BLOCK):
+                seen_out[length] = -1 - block
+                length += 1
+            elif verdict == SEEN or verdict == ALL_DRAWN:
                 seen_out[length] = block
                 length += 1
             else:
-                held = wp.min(wp.static(BLOCK), count - block * wp.static(BLOCK))
                 ahead = wp.where(verdict == ALL_OUTSIDE, held, 0)
                 if verdict == NONE_IN_VIEW:
                     ahead = points_ahead(view, source, block)
@@ -118,7 +127,9 @@ def block_kernel(config: SplatConfig):
         counts_out: wp.array[wp.int64],
     ):
         if wp.static(is_prepared):
-            begin = seen[wp.tid()] * wp.static(BLOCK)
+            entry = seen[wp.tid()]
+            begin = first_of(entry)
+            next = first_of(seen[wp.min(wp.tid() + 1, seen.shape[0] - 1)])
         else:
             begin = (first + wp.tid()) * wp.static(BLOCK)
         view = views[v]
@@ -126,6 +137,7 @@ def block_kernel(config: SplatConfig):
         nowhere = view.width * view.height
         cells = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.int32)
         depths = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+        rows = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.int32)
         if not wp.static(is_prepared):
             # Taken apart first: the compiler does not do that beside the arithmetic.
             a = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
@@ -136,6 +148,19 @@ def block_kernel(config: SplatConfig):
                 a[k] = together[0]
                 b[k] = together[1]
                 c[k] = together[2]
+        if wp.static(is_prepared):
+            if entry < 0:
+                for k in range(wp.static(BLOCK)):
+                    p = place(
+                        view, lens, tables, wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
+                    )
+                    pixel = project(lens, tables, p)
+                    column, line = wp.int32(pixel[0] + 0.5), wp.int32(pixel[1] + 0.5)
+                    cells[k] = line * view.width + column
+                    depths[k] = depth_of(lens, p)
+                    rows[k] = original[begin + k]
+                keep_nearest_and_fetch(cells, depths, rows, x, y, z, original, next, keys_out)
+                return
         # What fills up the last block is not finite, and no point.
         not_finite = wp.min(0, count - begin - wp.static(BLOCK))
         behind = int(0)
@@ -145,8 +170,10 @@ def block_kernel(config: SplatConfig):
         for k in range(wp.static(BLOCK)):
             if wp.static(is_prepared):
                 point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
+                row = original[begin + k]
             else:
                 point = wp.vec3f(a[k], b[k], c[k])
+                row = begin + k
             p = place(view, lens, tables, point)
             pixel = pixel_of(project(lens, tables, p))
             depth = depth_of(lens, p)
@@ -157,17 +184,13 @@ def block_kernel(config: SplatConfig):
             too_far += wp.where(why == TOO_FAR, 1, 0)
             too_near += wp.where(why == TOO_NEAR, 1, 0)
             cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
-            cell = wp.where(why == DRAWN, cell, nowhere + (k & (SPARE_CELLS - 1)))
-            cells[k] = cell
+            cells[k] = wp.where(why == DRAWN, cell, nowhere + (k & (SPARE_CELLS - 1)))
             depths[k] = depth
-
-        for k in range(wp.static(BLOCK)):
-            target = wp.int32(cells[k])
-            if wp.static(is_prepared):
-                key = pack_key(depths[k], original[begin + k])
-            else:
-                key = pack_key(depths[k], begin + k)
-            keys_out[target] = wp.min(keys_out[target], key)
+            rows[k] = row
+        if wp.static(is_prepared):
+            keep_nearest_and_fetch(cells, depths, rows, x, y, z, original, next, keys_out)
+        else:
+            keep_nearest(cells, depths, rows, keys_out)
         counts_out[NOT_FINITE] = counts_out[NOT_FINITE] + wp.int64(not_finite)
         counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(behind)
         counts_out[OUTSIDE] = counts_out[OUTSIDE] + wp.int64(outside)

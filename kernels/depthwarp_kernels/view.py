@@ -9,7 +9,7 @@ from typing import Any
 import warp as wp
 
 # What culling knows of a lens; the meaning depends on the model, see `cull`.
-Limits = wp.types.vector(length=8, dtype=wp.float32)
+Limits = wp.types.vector(length=16, dtype=wp.float32)
 
 
 # position and shift [m] are the two readings of P_C: `position` is subtracted before the rotation

@@ -18,10 +18,10 @@ wp.set_module_options(EXACT)
 
 @cache
 def meeting_kernel(model: LensModel):
-    """Kernel that says of points whether the image shows them, of spheres whether it may."""
+    """Kernel: of points whether the image shows them, of spheres whether it may and must."""
     Lens = model.struct
     project = model.project
-    may_meet = model.may_meet
+    may_meet, inside = model.may_meet, model.inside
     ahead_only = model.ahead_only
 
     @wp.kernel
@@ -35,6 +35,7 @@ def meeting_kernel(model: LensModel):
         # Out:
         shown_out: wp.array[wp.bool],
         may_out: wp.array[wp.bool],
+        inside_out: wp.array[wp.bool],
     ):
         i = wp.tid()
         view = views[0]
@@ -44,7 +45,10 @@ def meeting_kernel(model: LensModel):
             shown = shown and p[0] > 0.0
         shown_out[i] = shown
         sphere = spheres[i]
-        may_out[i] = may_meet(view, wp.vec3f(sphere[0], sphere[1], sphere[2]), sphere[3])
+        center = wp.vec3f(sphere[0], sphere[1], sphere[2])
+        may_out[i] = may_meet(view, center, sphere[3])
+        if wp.static(inside is not None):
+            inside_out[i] = inside(view, center, sphere[3])
 
     return meeting
 
@@ -67,20 +71,21 @@ for known in (
 
 def device_meeting(
     camera: dw.Camera, points_camera: np.ndarray, spheres: np.ndarray, device: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """Of points (N, 3) whether the image shows them; of spheres (N, 4) whether it may."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of points (N, 3) whether the image shows them; of spheres (N, 4) whether it may or must."""
     views = DeviceViews([ViewPlan(camera)], RenderConfig(), wp.get_device(device))
     count = len(points_camera)
     given = [
         wp.array(np.ascontiguousarray(values, np.float32), dtype=dtype, device=device)
         for values, dtype in ((points_camera, wp.vec3f), (spheres, wp.vec4f))
     ]
-    shown, may = (wp.empty(count, dtype=wp.bool, device=device) for _ in range(2))
+    results = [wp.zeros(count, dtype=wp.bool, device=device) for _ in range(3)]
     wp.launch(
         meeting_kernel(views.model),
         dim=count,
         inputs=[*views.arrays, *given],
-        outputs=[shown, may],
+        outputs=results,
         device=device,
     )
-    return shown.numpy(), may.numpy()
+    shown, may, inside = (array.numpy() for array in results)
+    return shown, may, inside

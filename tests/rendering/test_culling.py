@@ -79,7 +79,7 @@ def test_a_sphere_that_holds_a_shown_point_may_be_in_view(device, model, seed):
     camera = MODELS[model](rng, IDENTITY, int(rng.choice([1, 24, 700])))
     points = shown_points(camera, rng, SPHERES)
     spheres = spheres_that_hold(points, rng)
-    shown, may = device_meeting(camera, points, spheres, device)
+    shown, may, _ = device_meeting(camera, points, spheres, device)
     lost = np.flatnonzero(shown & ~may)
     assert not len(lost), (points[lost[0]], spheres[lost[0]], camera)
     assert shown.sum() > 0.02 * SPHERES or model in ("brown", "rational", "cylindrical")
@@ -109,8 +109,31 @@ def test_special_cameras_lose_no_sphere(device, name):
     """Narrow, wide, one pixel, an axis outside the image, a domain smaller than the image."""
     rng, camera = np.random.default_rng(7), SPECIAL_CAMERAS[name]
     points = shown_points(camera, rng, 20 * SPHERES)
-    shown, may = device_meeting(camera, points, spheres_that_hold(points, rng), device)
+    shown, may, _ = device_meeting(camera, points, spheres_that_hold(points, rng), device)
     assert not (shown & ~may).any() and shown.sum() > SPHERES
+
+
+@pytest.mark.parametrize("model", ["pinhole", "brown", "rational"])
+@settings(max_examples=12)
+@given(seed=seeds)
+def test_a_sphere_inside_holds_only_shown_points(device, model, seed):
+    """Brute force on `inside`: of such a sphere every point is drawn, also those on its surface."""
+    rng = np.random.default_rng(seed)
+    camera = MODELS[model](rng, IDENTITY, int(rng.choice([24, 700])))
+    points = shown_points(camera, rng, SPHERES)
+    shown, _, inside = device_meeting(camera, points, spheres_that_hold(points, rng), device)
+    drawn_wrongly = np.flatnonzero(inside & ~shown)
+    assert not len(drawn_wrongly), (points[drawn_wrongly[0]], camera)
+
+
+def test_special_cameras_have_no_point_out_of_an_inside(device):
+    """Where the lens's domain or field of view is small, or its axis beside the image."""
+    for name in ("narrow", "widest", "axis far outside", "domain smaller than the image"):
+        rng, camera = np.random.default_rng(7), SPECIAL_CAMERAS[name]
+        points = shown_points(camera, rng, 20 * SPHERES)
+        shown, _, inside = device_meeting(camera, points, spheres_that_hold(points, rng), device)
+        assert not (inside & ~shown).any()
+        assert inside.any() == (name == "widest"), name
 
 
 # --- blocks of a cloud ---
@@ -236,11 +259,15 @@ def test_a_view_from_inside_a_room_sees_a_part_of_its_blocks(chunks, model):
 def test_blocks_that_are_seen_are_those_with_drawn_points(chunks):
     """Every block with a point in the image is listed; few others are."""
     camera = dw.PinholeCamera.from_fov((60, 45), (640, 480), (1, 0.5, 0.2), (3, 10, 60))
-    seen, _ = seen_blocks(chunks, camera)
+    listed, _ = seen_blocks(chunks, camera)
+    whole = -1 - listed[listed < 0]
+    seen = np.where(listed < 0, -1 - listed, listed)
     points = np.stack(
         [axis.numpy() for axis in (chunks.source.x, chunks.source.y, chunks.source.z)], axis=1
     )
-    in_image = camera.project(points)[3].reshape(-1, BLOCK).any(axis=1)
+    shown = camera.project(points)[3].reshape(-1, BLOCK)
+    in_image = shown.any(axis=1)
+    assert shown[whole].all() and len(whole) > 0.6 * shown.all(axis=1).sum()
     assert set(np.flatnonzero(in_image)) <= set(seen.tolist())
     spheres = chunks.source.spheres.numpy()
     x = camera.to_camera(spheres[:, :3])[:, 0]
@@ -291,11 +318,12 @@ def test_rounding_moves_no_point_out_of_its_sphere(device, model):
         assert_same_map(ours, dw.render(cloud, camera, device=device))
 
 
-def test_range_bounds_do_not_cull(device):
+@pytest.mark.parametrize("kind", ["range", "z"])
+def test_range_bounds_do_not_cull(device, kind):
     """Too far and too near are counted point by point, whatever blocks they stand in."""
-    cloud = dw.PointCloud(room(5000))
+    cloud = dw.PointCloud(room(200_000))
     camera = dw.PinholeCamera.from_fov((90, 70), (40, 30))
-    options = {"min_range": 2.8, "max_range": 3.5, "device": device}
+    options = {"depth": kind, "min_range": 2.8, "max_range": 3.5, "device": device}
     ours = dw.render(cloud.prepare(device=device), camera, **options)
     assert ours.stats.too_far > 0 and ours.stats.too_near > 0
     assert_same_map(ours, dw.render(cloud, camera, **options))
