@@ -22,11 +22,11 @@ POINT_BYTES = 12 + 4 + 16
 
 
 class PreparedCloud:
-    """A point cloud sorted along a Morton curve, in blocks of 512 points with a sphere round each.
+    """A point cloud sorted along a Hilbert curve, in blocks of 512 points with a sphere round each.
 
     A view skips the blocks that its image cannot show; what is left lies close together in memory
     and in the image. Maps are, bit for bit and count for count, those of the cloud itself, and
-    `index` is the caller's row. Source of the order: Morton 1966.
+    `index` is the caller's row. Source of the order: Skilling, Programming the Hilbert curve, 2004.
 
     Args:
         cloud: The cloud; it is copied, and may be let go.
@@ -94,7 +94,7 @@ def _spatial_order(points: Any, low: Any, high: Any, device: Any) -> Any:
     order = arrays.empty(2 * count, wp.int32, device)
     side = float(np.max(high.astype(np.float64) - low))
     scale = ((1 << prepare.AXIS_BITS) - 1) / side if side > 0 else 0.0
-    _launch(prepare.morton_codes, count, [points, wp.vec3f(*low), scale], [codes, order], device)
+    _launch(prepare.curve_codes, count, [points, wp.vec3f(*low), scale], [codes, order], device)
     if count:
         wp.utils.radix_sort_pairs(codes, order, count)
     return order
@@ -107,12 +107,15 @@ def _blocks_of(points: Any, order: Any, finite: int, blocks: int, device: Any) -
     source.x, source.y, source.z = (arrays.empty(padded, wp.float32, device) for _ in range(3))
     source.original = arrays.empty(padded, wp.int32, device)
     source.spheres = arrays.empty(blocks, wp.vec4f, device)
+    groups = -(-blocks // point_source.GROUP)
+    source.groups = arrays.empty(groups, wp.vec4f, device)
     if finite < padded:
         for axis in (source.x, source.y, source.z):
             axis[finite:].fill_(wp.nan)
     parts = [source.x, source.y, source.z, source.original]
     _launch(prepare.take_apart, finite, [points, order], parts, device, finite)
     _launch(prepare.block_spheres, blocks, parts[:3], [source.spheres], device, finite)
+    _launch(prepare.group_spheres, groups, [source.spheres], [source.groups], device, blocks)
     return source
 
 

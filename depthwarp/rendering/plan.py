@@ -14,7 +14,7 @@ from depthwarp.devices import check_memory
 from depthwarp.filters import DeviceMaps
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.points import Points, points_of
-from depthwarp.rendering.splatting import Splatter, buffer_count
+from depthwarp.rendering.splatting import buffer_count, splatter_of
 from depthwarp.rendering.views import DeviceViews, ViewPlan
 from depthwarp_kernels import poses as pose_kernels
 
@@ -60,7 +60,7 @@ class RenderPlan:
             device,
             "choose a smaller size, or a larger q_depth_map",
         )
-        self._splatter = Splatter(self._views, config, device, threads)
+        self._splatter = splatter_of(self._views, config, device, threads)
         self._maps = DeviceMaps(
             depth=arrays.empty(shape, wp.float32, device),
             index=arrays.empty(shape, wp.int32, device),

@@ -10,6 +10,9 @@ from depthwarp_kernels.view import View, to_camera
 BLOCK = 512
 """Points of a block: their pixels and depths stay in a processor's nearest cache."""
 
+GROUP = 32
+"""Blocks of a group, over which one verdict may hold."""
+
 # Verdicts over a block.
 SEEN = wp.constant(0)
 ALL_BEHIND = wp.constant(1)
@@ -36,12 +39,14 @@ class PointSource:
         index_at: `wp.func (source, i) -> int32`: its row in the caller's cloud.
         sphere_of: `wp.func (source, block) -> vec4f`: centre in the world frame and radius [m] of
             a block's points; None where points come in no order.
+        group_of: The same of a group of `GROUP` blocks.
     """
 
     struct: Any
     point_at: Any
     index_at: Any
     sphere_of: Any = None
+    group_of: Any = None
 
 
 @wp.struct
@@ -72,6 +77,7 @@ class PreparedPoints:
     z: wp.array[wp.float32]
     original: wp.array[wp.int32]
     spheres: wp.array[wp.vec4f]
+    groups: wp.array[wp.vec4f]
 
 
 @wp.func
@@ -92,7 +98,15 @@ def prepared_sphere(source: PreparedPoints, block: wp.int32):
     return source.spheres[block]
 
 
-PREPARED = PointSource(PreparedPoints, prepared_point, prepared_index, prepared_sphere)
+@wp.func
+def prepared_group(source: PreparedPoints, group: wp.int32):
+    """The sphere round a group of blocks."""
+    return source.groups[group]
+
+
+PREPARED = PointSource(
+    PreparedPoints, prepared_point, prepared_index, prepared_sphere, prepared_group
+)
 
 
 @wp.func

@@ -1,9 +1,9 @@
-"""Spatial order of a cloud: Morton codes, coordinates taken apart, spheres round blocks."""
+"""Spatial order of a cloud: places along a curve, coordinates apart, spheres round blocks."""
 
 import warp as wp
 
 from depthwarp_kernels.options import EXACT
-from depthwarp_kernels.point_source import BLOCK
+from depthwarp_kernels.point_source import BLOCK, GROUP
 from depthwarp_kernels.view import is_finite
 
 wp.set_module_options(EXACT)
@@ -22,9 +22,35 @@ def spread(bits: wp.int32):
     return (b | (b << 2)) & 0x09249249
 
 
+# Skilling 2004, "Programming the Hilbert curve". Unlike Morton's, this curve never jumps, so that a
+# block of points along it is compact.
+@wp.func
+def hilbert_code(x: wp.int32, y: wp.int32, z: wp.int32):
+    """Place of a cell along the Hilbert curve through a cube of 2^AXIS_BITS cells a side."""
+    for step in range(wp.static(AXIS_BITS - 1)):
+        bit = wp.static(1 << (AXIS_BITS - 1)) >> step
+        below = bit - 1
+        # Each axis in turn either turns the first one round below this bit or swaps with it.
+        x = wp.where((x & bit) != 0, x ^ below, x)
+        swap = wp.where((y & bit) != 0, 0, (x ^ y) & below)
+        x = wp.where((y & bit) != 0, x ^ below, x ^ swap)
+        y = y ^ swap
+        swap = wp.where((z & bit) != 0, 0, (x ^ z) & below)
+        x = wp.where((z & bit) != 0, x ^ below, x ^ swap)
+        z = z ^ swap
+    # From Gray code to a number.
+    y = y ^ x
+    z = z ^ y
+    turn = int(0)
+    for step in range(wp.static(AXIS_BITS - 1)):
+        bit = wp.static(1 << (AXIS_BITS - 1)) >> step
+        turn = wp.where((z & bit) != 0, turn ^ (bit - 1), turn)
+    return (spread(x ^ turn) << 2) | (spread(y ^ turn) << 1) | spread(z ^ turn)
+
+
 # Launch over points from `first` on. `scale`: cells a metre, the same for all axes.
 @wp.kernel
-def morton_codes(
+def curve_codes(
     # In:
     points_world: wp.array[wp.vec3f],
     lowest: wp.vec3f,
@@ -37,8 +63,7 @@ def morton_codes(
     i = first + wp.tid()
     p = points_world[i]
     cell = (p - lowest) * scale
-    code = spread(wp.int32(cell[0])) | (spread(wp.int32(cell[1])) << 1)
-    code = code | (spread(wp.int32(cell[2])) << 2)
+    code = hilbert_code(wp.int32(cell[0]), wp.int32(cell[1]), wp.int32(cell[2]))
     codes_out[i] = wp.where(is_finite(p), code, LAST_CODE)
     order_out[i] = i
 
@@ -76,6 +101,12 @@ def take_apart(
     original_out[i] = original
 
 
+@wp.func
+def center_of(sphere: wp.vec4f):
+    """Its first three numbers."""
+    return wp.vec3f(sphere[0], sphere[1], sphere[2])
+
+
 # Launch over blocks from `first` on. The half diagonal of the box, rounded up.
 @wp.kernel
 def block_spheres(
@@ -100,3 +131,30 @@ def block_spheres(
     reach = wp.max(high - center, center - low)
     radius = wp.length(reach) * 1.00001
     spheres_out[block] = wp.vec4f(center[0], center[1], center[2], radius)
+
+
+# Launch over groups of blocks from `first` on; there are `blocks` of them.
+@wp.kernel
+def group_spheres(
+    # In:
+    spheres: wp.array[wp.vec4f],
+    first: wp.int32,
+    blocks: wp.int32,
+    # Out:
+    groups_out: wp.array[wp.vec4f],
+):
+    group = first + wp.tid()
+    begin = group * wp.static(GROUP)
+    end = wp.min(begin + wp.static(GROUP), blocks)
+    low = center_of(spheres[begin])
+    high = low
+    for block in range(begin + 1, end):
+        center = center_of(spheres[block])
+        low = wp.min(low, center)
+        high = wp.max(high, center)
+    middle = 0.5 * low + 0.5 * high
+    radius = float(0.0)
+    for block in range(begin, end):
+        reach = wp.length(center_of(spheres[block]) - middle) + spheres[block][3]
+        radius = wp.max(radius, reach)
+    groups_out[group] = wp.vec4f(middle[0], middle[1], middle[2], radius * 1.00001)

@@ -56,18 +56,19 @@ def resolve(
         count(counts_out, v, DRAWN)
 
 
-# Launch over whole blocks of the pixels of one view.
+# Launch over blocks of the pixels of one view, from block `first` on.
 @wp.kernel
 def resolve_blocks(
     # In:
     keys: wp.array[wp.uint64],
+    first: wp.int32,
     # Out:
     depth_out: wp.array[wp.float32],
     index_out: wp.array[wp.int32],
     state_out: wp.array[wp.uint8],
     counts_out: wp.array[wp.int64],
 ):
-    begin = wp.tid() * wp.static(BLOCK)
+    begin = (first + wp.tid()) * wp.static(BLOCK)
     drawn = int(0)
     for k in range(wp.static(BLOCK)):
         cell = begin + k
@@ -79,15 +80,17 @@ def resolve_blocks(
     counts_out[DRAWN] = counts_out[DRAWN] + wp.int64(drawn)
 
 
-# Launch over whole blocks of two buffers of one view: the smaller keys stay in the second.
+# Launch over blocks of two buffers of one view, from block `first` on: the smaller keys stay in the
+# second.
 @wp.kernel
 def merge_blocks(
     # In:
     keys: wp.array[wp.uint64],
+    first: wp.int32,
     # Out:
     keys_out: wp.array[wp.uint64],
 ):
-    begin = wp.tid() * wp.static(BLOCK)
+    begin = (first + wp.tid()) * wp.static(BLOCK)
     for k in range(wp.static(BLOCK)):
         cell = begin + k
         keys_out[cell] = wp.min(keys_out[cell], keys[cell])

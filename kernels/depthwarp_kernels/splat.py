@@ -122,10 +122,8 @@ def reason_function(config: SplatConfig):
 # is, outside if all of it is ahead, and else each by its side of the camera's plane.
 @cache
 def verdict_function(config: SplatConfig):
-    """The function (view, source, block) that says whether a block has to be looked at."""
+    """The function (view, sphere) that says what is to be done with the points in a sphere."""
     may_meet, inside = config.lens.may_meet, config.lens.inside
-    sphere_of = config.source.sphere_of
-    Source = config.source.struct
 
     @wp.func
     def in_bounds(view: View, center: wp.vec3f, radius: wp.float32):
@@ -138,31 +136,28 @@ def verdict_function(config: SplatConfig):
         return depth - margin > view.min_range and depth + margin < view.max_range
 
     @wp.func
-    def verdict_of(view: View, source: Source, block: wp.int32):
-        if wp.static(sphere_of is None):
+    def verdict_of(view: View, sphere_world: wp.vec4f):
+        sphere = camera_sphere(view, sphere_world)
+        center = wp.vec3f(sphere[0], sphere[1], sphere[2])
+        radius = sphere[3]
+        if not is_finite(center):
             return SEEN
-        else:
-            sphere = camera_sphere(view, sphere_of(source, block))
-            center = wp.vec3f(sphere[0], sphere[1], sphere[2])
-            radius = sphere[3]
-            if not is_finite(center):
+        if wp.static(config.ahead_only):
+            if center[0] <= -radius:
+                return ALL_BEHIND
+        if wp.static(config.is_wide_z):
+            aside = wp.sqrt(center[1] * center[1] + center[2] * center[2])
+            if center[0] * AHEAD_SINE - aside * AHEAD_COSINE <= radius:
                 return SEEN
-            if wp.static(config.ahead_only):
-                if center[0] <= -radius:
-                    return ALL_BEHIND
-            if wp.static(config.is_wide_z):
-                aside = wp.sqrt(center[1] * center[1] + center[2] * center[2])
-                if center[0] * AHEAD_SINE - aside * AHEAD_COSINE <= radius:
-                    return SEEN
-            if wp.static(inside is not None and not config.range_view):
-                if inside(view, center, radius) and in_bounds(view, center, radius):
-                    return ALL_DRAWN
-            if may_meet(view, center, radius):
-                return SEEN
-            if wp.static(config.ahead_only):
-                if center[0] <= radius:
-                    return NONE_IN_VIEW
-            return ALL_OUTSIDE
+        if wp.static(inside is not None and not config.range_view):
+            if inside(view, center, radius) and in_bounds(view, center, radius):
+                return ALL_DRAWN
+        if may_meet(view, center, radius):
+            return SEEN
+        if wp.static(config.ahead_only):
+            if center[0] <= radius:
+                return NONE_IN_VIEW
+        return ALL_OUTSIDE
 
     return verdict_of
 
@@ -174,6 +169,7 @@ def splat_kernel(config: SplatConfig):
     Lens, Source = config.lens.struct, config.source.struct
     place, project = config.lens.place, config.lens.project
     point_at, index_at = config.source.point_at, config.source.index_at
+    sphere_of = config.source.sphere_of
     reason_of = reason_function(config)
     verdict_of = verdict_function(config)
 
@@ -192,10 +188,11 @@ def splat_kernel(config: SplatConfig):
         v, i = wp.tid()
         i += first
         view = views[v]
-        verdict = verdict_of(view, source, i / wp.static(BLOCK))
-        if verdict == ALL_BEHIND or verdict == ALL_OUTSIDE:
-            count(counts_out, v, wp.where(verdict == ALL_BEHIND, BEHIND, OUTSIDE))
-            return
+        if wp.static(sphere_of is not None):
+            verdict = verdict_of(view, sphere_of(source, i / wp.static(BLOCK)))
+            if verdict == ALL_BEHIND or verdict == ALL_OUTSIDE:
+                count(counts_out, v, wp.where(verdict == ALL_BEHIND, BEHIND, OUTSIDE))
+                return
         lens = lenses[v]
         p = place(view, lens, tables, point_at(source, i))
         pixel = pixel_of(project(lens, tables, p))

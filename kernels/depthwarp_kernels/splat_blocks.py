@@ -10,7 +10,15 @@ import warp as wp
 
 from depthwarp_kernels.nearest import keep_nearest, keep_nearest_and_fetch
 from depthwarp_kernels.options import EXACT
-from depthwarp_kernels.point_source import ALL_DRAWN, ALL_OUTSIDE, BLOCK, NONE_IN_VIEW, SEEN
+from depthwarp_kernels.point_source import (
+    ALL_BEHIND,
+    ALL_DRAWN,
+    ALL_OUTSIDE,
+    BLOCK,
+    GROUP,
+    NONE_IN_VIEW,
+    SEEN,
+)
 from depthwarp_kernels.splat import (
     BEHIND,
     DRAWN,
@@ -35,26 +43,32 @@ def first_of(entry: wp.int32):
     return wp.where(entry < 0, -1 - entry, entry) * wp.static(BLOCK)
 
 
+@wp.func
+def points_ahead(
+    view: View,
+    x: wp.array[wp.float32],
+    y: wp.array[wp.float32],
+    z: wp.array[wp.float32],
+    begin: wp.int32,
+):
+    """Points of a block with X > 0; what fills up the last block has no X."""
+    ahead = int(0)
+    for k in range(wp.static(BLOCK)):
+        point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
+        p = to_camera(point, view.rotation, view.position, view.shift)
+        ahead += wp.where(p[0] > 0.0, 1, 0)
+    return ahead
+
+
 @cache
 def cull_kernel(config: SplatConfig):
     """Kernel, for one thread, that lists the blocks a view may see and counts the others' points.
 
-    Blocks are `blocks` from `first` on; the cloud holds `count` points. A block b of which every
-    point is drawn is listed as -1 - b.
+    The cloud holds `count` points. A block b of which every point is drawn is listed as -1 - b.
     """
     Source = config.source.struct
-    point_at = config.source.point_at
+    sphere_of, group_of = config.source.sphere_of, config.source.group_of
     verdict_of = verdict_function(config)
-
-    @wp.func
-    def points_ahead(view: View, source: Source, block: wp.int32):
-        """Points of a block with X > 0; what fills up the last block has no X."""
-        ahead = int(0)
-        for k in range(wp.static(BLOCK)):
-            point = point_at(source, block * wp.static(BLOCK) + k)
-            p = to_camera(point, view.rotation, view.position, view.shift)
-            ahead += wp.where(p[0] > 0.0, 1, 0)
-        return ahead
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
     def cull_blocks(
@@ -62,8 +76,9 @@ def cull_kernel(config: SplatConfig):
         views: wp.array[View],
         v: wp.int32,
         source: Source,
-        first: wp.int32,
-        blocks: wp.int32,
+        x: wp.array[wp.float32],
+        y: wp.array[wp.float32],
+        z: wp.array[wp.float32],
         count: wp.int32,
         # Out:
         seen_out: wp.array[wp.int32],
@@ -72,22 +87,40 @@ def cull_kernel(config: SplatConfig):
     ):
         view = views[v]
         length = int(0)
-        for block in range(first, first + blocks):
-            verdict = verdict_of(view, source, block)
-            held = wp.min(wp.static(BLOCK), count - block * wp.static(BLOCK))
-            if verdict == ALL_DRAWN and held == wp.static(BLOCK):
-                seen_out[length] = -1 - block
-                length += 1
-            elif verdict == SEEN or verdict == ALL_DRAWN:
-                seen_out[length] = block
-                length += 1
-            else:
-                ahead = wp.where(verdict == ALL_OUTSIDE, held, 0)
-                if verdict == NONE_IN_VIEW:
-                    ahead = points_ahead(view, source, block)
-                counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(held - ahead)
-                counts_out[OUTSIDE] = counts_out[OUTSIDE] + wp.int64(ahead)
+        behind = int(0)
+        outside = int(0)
+        blocks = (count + wp.static(BLOCK - 1)) / wp.static(BLOCK)
+        for group in range((blocks + wp.static(GROUP - 1)) / wp.static(GROUP)):
+            begin = group * wp.static(GROUP)
+            end = wp.min(begin + wp.static(GROUP), blocks)
+            held = wp.min(end * wp.static(BLOCK), count) - begin * wp.static(BLOCK)
+            of_group = verdict_of(view, group_of(source, group))
+            if of_group == ALL_BEHIND:
+                behind += held
+                begin = end
+            elif of_group == ALL_OUTSIDE:
+                outside += held
+                begin = end
+            for block in range(begin, end):
+                verdict = of_group
+                if of_group != ALL_DRAWN:
+                    verdict = verdict_of(view, sphere_of(source, block))
+                held = wp.min(wp.static(BLOCK), count - block * wp.static(BLOCK))
+                if verdict == ALL_DRAWN and held == wp.static(BLOCK):
+                    seen_out[length] = -1 - block
+                    length += 1
+                elif verdict == SEEN or verdict == ALL_DRAWN:
+                    seen_out[length] = block
+                    length += 1
+                else:
+                    ahead = wp.where(verdict == ALL_OUTSIDE, held, 0)
+                    if verdict == NONE_IN_VIEW:
+                        ahead = points_ahead(view, x, y, z, block * wp.static(BLOCK))
+                    behind += held - ahead
+                    outside += ahead
         length_out[0] = length
+        counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(behind)
+        counts_out[OUTSIDE] = counts_out[OUTSIDE] + wp.int64(outside)
 
     return cull_blocks
 
@@ -96,10 +129,10 @@ def cull_kernel(config: SplatConfig):
 def block_kernel(config: SplatConfig):
     """Kernel that draws blocks of points into one key buffer; launch over the blocks.
 
-    They are those of the list `seen` for a prepared cloud, or those from `first` on of a plain one,
-    which comes as `points_world`; the cloud holds `count` points. One launch at a time may write to
-    a buffer. Arrays are arguments, not parts of a struct, and none may be empty: only then does the
-    compiler know that their numbers lie side by side.
+    They are, from `first` on, those of the list `seen` for a prepared cloud, or those of a plain
+    one, which comes as `points_world`; the cloud holds `count` points. One launch at a time may
+    write to a buffer. Arrays are arguments, not parts of a struct, and none may be empty: only then
+    does the compiler know that their numbers lie side by side.
     """
     depth_of = config.depth_of
     is_prepared = config.source.sphere_of is not None
@@ -127,9 +160,9 @@ def block_kernel(config: SplatConfig):
         counts_out: wp.array[wp.int64],
     ):
         if wp.static(is_prepared):
-            entry = seen[wp.tid()]
+            entry = seen[first + wp.tid()]
             begin = first_of(entry)
-            next = first_of(seen[wp.min(wp.tid() + 1, seen.shape[0] - 1)])
+            next = first_of(seen[wp.min(first + wp.tid() + 1, seen.shape[0] - 1)])
         else:
             begin = (first + wp.tid()) * wp.static(BLOCK)
         view = views[v]

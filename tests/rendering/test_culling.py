@@ -194,7 +194,7 @@ def seen_blocks(
     wp.launch(
         splat_blocks.cull_kernel(SplatConfig(points.source, views.model, depth, False)),
         dim=1,
-        inputs=[views.arrays[0], 0, points.arrays, 0, chunks.blocks, points.count],
+        inputs=[views.arrays[0], 0, points.arrays, *points.block_arrays[:3], points.count],
         outputs=[seen, length, counts],
         device=chunks.device,
     )

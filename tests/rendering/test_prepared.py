@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import depthwarp as dw
 from depthwarp import prepared as prepared_module
 from depthwarp.errors import CapacityError, DeviceError, InputError
-from depthwarp.rendering.points import points_of
+from depthwarp.rendering.cuda_splatting import CudaSplatter
 from depthwarp_kernels.point_source import BLOCK
 from tests.cameras.models import IDENTITY, MODELS, cameras_of
 from tests.rendering.clumps import SIZES, assert_same_map, clumps
@@ -241,8 +241,8 @@ def test_points_of_blocks_one_by_one(monkeypatch, model):
         expected = dw.render(cloud, camera, device="cpu")
         with monkeypatch.context() as patch:
             patch.setattr(
-                "depthwarp.rendering.plan.points_of",
-                lambda source: dataclasses.replace(points_of(source), whole_blocks=0),
+                "depthwarp.rendering.plan.splatter_of",
+                lambda views, config, device, threads: CudaSplatter(views, config, device),
             )
             assert_same_map(dw.render(chunks, camera, device="cpu"), expected)
 

@@ -16,7 +16,7 @@ import depthwarp as dw
 from depthwarp import arrays
 from depthwarp.devices import resolve_device
 from depthwarp.rendering import RenderConfig, RenderPlan, ViewPlan
-from depthwarp.rendering.splatting import LEAST_BLOCKS
+from depthwarp.rendering.cpu_splatting import LEAST_BLOCKS
 from depthwarp_kernels.point_source import BLOCK
 from tests.rendering.clumps import assert_same_map
 from tests.rendering.test_prepared import room
