@@ -15,7 +15,7 @@ class DeviceMaps:
 
     Attributes:
         depth: Depth [m], `wp.float32`, 0 = empty.
-        index: Winning point, `wp.int32`, -1 = empty.
+        index: Winning point, `wp.int32`, -1 = empty; None where nobody asked for it.
         state: Values of `State`, `wp.uint8`.
     """
 

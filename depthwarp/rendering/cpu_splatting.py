@@ -37,6 +37,7 @@ class CpuSplatter:
         views: The views, on the CPU.
         config: Depth kind and bounds.
         device: Warp's CPU.
+        with_index: Whether keys hold the winner's index, or its depth alone.
         threads: Threads that share the work.
         buffers: One for each thread, or one: then each thread draws whole views.
 
@@ -45,20 +46,31 @@ class CpuSplatter:
     """
 
     def __init__(
-        self, views: DeviceViews, config: RenderConfig, device: Any, threads: int, buffers: int
+        self,
+        views: DeviceViews,
+        config: RenderConfig,
+        device: Any,
+        *,
+        with_index: bool,
+        threads: int,
+        buffers: int,
     ) -> None:
         self._views, self._device, self._depth = views, device, config.depth
+        self._with_index = with_index
         self._threads = threads
         width, height = views.size
         self._pixels = width * height
         # Whole blocks of cells, so that they can be merged in blocks.
         cells = -(-(self._pixels + splat_blocks.SPARE_CELLS) // resolving.BLOCK) * resolving.BLOCK
-        self._keys = arrays.empty((buffers, views.count, cells), wp.uint64, device)
+        self._empty = splat.EMPTY_KEY if with_index else splat.EMPTY_DEPTH
+        key_type = wp.uint64 if with_index else wp.uint32
+        self._keys = arrays.empty((buffers, views.count, cells), key_type, device)
         self.counts = arrays.empty((buffers, views.count, splat.COUNT_COLUMNS), wp.int64, device)
         self._buffers = [
             [(self._keys[b, v], self.counts[b, v]) for v in range(views.count)]
             for b in range(buffers)
         ]
+        wp.load_module(resolving.resolve.module, device=device)
         self._nothing = arrays.zeros(1, wp.int32, device)
         self._loaded: dict[PointSource, _Kernels] = {}
 
@@ -68,27 +80,27 @@ class CpuSplatter:
         self.counts.zero_()
         views = range(self._views.count)
         if self._threads == 1 or points.whole_blocks * len(views) < LEAST_BLOCKS:
-            self._keys.fill_(splat.EMPTY_KEY)
+            self._keys.fill_(self._empty)
             for view in views:
                 self._draw_view(kernels, points, view)
         elif len(self._buffers) == 1:
             self._draw_apart(kernels, points)
         else:
-            self._keys.fill_(splat.EMPTY_KEY)
+            self._keys.fill_(self._empty)
             for view in views:
                 self._draw_together(kernels, points, view)
         self._draw_rest(kernels, points)
 
-    def resolve(self, depth: Any, index: Any, state: Any) -> None:
-        """Write what the keys hold: depth, index and state, each shape (V, pixels)."""
-        views, maps = range(self._views.count), (depth, index, state)
+    def resolve(self, *maps: Any) -> None:
+        """Write what the keys hold: depth, index if they have it, and state, shape (V, pixels)."""
+        views = range(self._views.count)
         pieces = _pieces(self._keys.shape[2] // resolving.BLOCK, len(self._buffers))
         parts = _Shared((view, *piece) for view in views for piece in pieces)
         self._share(lambda thread: self._resolve_parts(parts, thread, maps))
         whole = self._pixels // resolving.BLOCK * resolving.BLOCK
         if self._pixels > whole:
             wp.launch(
-                resolving.resolve,
+                resolving.resolve if self._with_index else resolving.resolve_depth,
                 dim=(len(views), self._pixels - whole),
                 inputs=[self._keys[0], whole],
                 outputs=[*maps, self.counts[0]],
@@ -101,7 +113,7 @@ class CpuSplatter:
 
         def draw(thread: int) -> None:
             for view in views:
-                self._buffers[0][view][0].fill_(splat.EMPTY_KEY)
+                self._buffers[0][view][0].fill_(self._empty)
                 self._draw_view(kernels, points, view)
 
         self._share(draw)
@@ -186,13 +198,18 @@ class CpuSplatter:
         self, parts: Iterable[tuple[int, int, int]], thread: int, maps: tuple[Any, ...]
     ) -> None:
         """Bring the smallest keys of all threads together and resolve them, part by part."""
+        merge, resolve = (
+            (resolving.merge_blocks, resolving.resolve_blocks)
+            if self._with_index
+            else (resolving.merge_depth_blocks, resolving.resolve_depth_blocks)
+        )
         nearest = self._buffers[0]
         whole = self._pixels // resolving.BLOCK
         counted = self._buffers[thread if len(self._buffers) > 1 else 0]
         for view, first, end in parts:
             for other in self._buffers[1:]:
                 wp.launch(
-                    resolving.merge_blocks,
+                    merge,
                     dim=end - first,
                     inputs=[other[view][0], first],
                     outputs=[nearest[view][0]],
@@ -200,7 +217,7 @@ class CpuSplatter:
                 )
             if min(end, whole) > first:
                 wp.launch(
-                    resolving.resolve_blocks,
+                    resolve,
                     dim=min(end, whole) - first,
                     inputs=[nearest[view][0], first],
                     outputs=[*(array[view] for array in maps), counted[view][1]],
@@ -211,7 +228,11 @@ class CpuSplatter:
         """The kernels for a kind of cloud, loaded once."""
         if source not in self._loaded:
             config = splat.SplatConfig(
-                source, self._views.model, self._depth, self._views.has_range_views
+                source,
+                self._views.model,
+                self._depth,
+                self._views.has_range_views,
+                self._with_index,
             )
             is_prepared = source.sphere_of is not None
             kernels = _Kernels(

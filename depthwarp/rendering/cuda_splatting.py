@@ -24,15 +24,21 @@ class CudaSplatter:
         views: The views, on the device.
         config: Depth kind and bounds.
         device: Warp device.
+        with_index: Whether keys hold the winner's index, or its depth alone.
 
     Attributes:
         counts: What became of the points, shape (1, V, `COUNT_COLUMNS`), int64.
     """
 
-    def __init__(self, views: DeviceViews, config: RenderConfig, device: Any) -> None:
+    def __init__(
+        self, views: DeviceViews, config: RenderConfig, device: Any, *, with_index: bool
+    ) -> None:
         self._views, self._device, self._depth = views, device, config.depth
+        self._with_index = with_index
+        self._empty = splat.EMPTY_KEY if with_index else splat.EMPTY_DEPTH
         width, height = views.size
-        self._keys = arrays.empty((views.count, width * height), wp.uint64, device)
+        key_type = wp.uint64 if with_index else wp.uint32
+        self._keys = arrays.empty((views.count, width * height), key_type, device)
         self.counts = arrays.empty((1, views.count, splat.COUNT_COLUMNS), wp.int64, device)
         self._loaded: dict[PointSource, Any] = {}
 
@@ -40,7 +46,7 @@ class CudaSplatter:
         """Clear the buffers and draw a cloud."""
         kernel = self._kernel(points.source)
         self.counts.zero_()
-        self._keys.fill_(splat.EMPTY_KEY)
+        self._keys.fill_(self._empty)
         if points.count:
             wp.launch(
                 kernel,
@@ -50,13 +56,13 @@ class CudaSplatter:
                 device=self._device,
             )
 
-    def resolve(self, depth: Any, index: Any, state: Any) -> None:
-        """Write what the keys hold: depth, index and state, each shape (V, pixels)."""
+    def resolve(self, *maps: Any) -> None:
+        """Write what the keys hold: depth, index if they have it, and state, shape (V, pixels)."""
         wp.launch(
-            resolving.resolve,
+            resolving.resolve if self._with_index else resolving.resolve_depth,
             dim=self._keys.shape,
             inputs=[self._keys, 0],
-            outputs=[depth, index, state, self.counts[0]],
+            outputs=[*maps, self.counts[0]],
             device=self._device,
         )
 
@@ -65,7 +71,11 @@ class CudaSplatter:
         if source not in self._loaded:
             kernel = splat.splat_kernel(
                 splat.SplatConfig(
-                    source, self._views.model, self._depth, self._views.has_range_views
+                    source,
+                    self._views.model,
+                    self._depth,
+                    self._views.has_range_views,
+                    self._with_index,
                 )
             )
             wp.load_module(kernel.module, device=self._device)

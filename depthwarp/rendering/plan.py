@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import warp as wp
 
 from depthwarp import arrays
 from depthwarp.depth_map import DepthMap, RenderStats
 from depthwarp.devices import check_memory
+from depthwarp.errors import InputError
 from depthwarp.filters import DeviceMaps
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.points import Points, points_of
@@ -21,6 +23,7 @@ from depthwarp_kernels import poses as pose_kernels
 __all__ = ["MAP_BYTES", "RenderPlan"]
 
 MAP_BYTES = 8 + 4 + 4 + 1  # a pixel: key, depth, index, state
+DEPTH_BYTES = 4 + 4 + 1  # the same without an index
 
 
 class RenderPlan:
@@ -31,6 +34,8 @@ class RenderPlan:
             segmentation.
         config: Depth kind, bounds and filters.
         device: Warp device.
+        with_index: Whether the maps say which point won. Depth alone takes half of the Z-buffer and
+            less time; filters need the index, so with them it is always there.
         threads: Threads on a CPU; None for all cores that this process may use.
 
     Raises:
@@ -44,6 +49,8 @@ class RenderPlan:
         views: Sequence[ViewPlan],
         config: RenderConfig,
         device: Any,
+        *,
+        with_index: bool = True,
         threads: int | None = None,
     ) -> None:
         self._views = DeviceViews(views, config, device)
@@ -52,23 +59,30 @@ class RenderPlan:
         self._device = device
         width, height = self._views.size
         shape = (len(views), height, width)
-        scratch = sum(step.scratch_bytes for step in config.filters)
+        with_index = with_index or bool(config.filters)
+        key_bytes = 8 if with_index else 4
         buffers = buffer_count(len(views), device, threads)
+        pixel_bytes = MAP_BYTES if with_index else DEPTH_BYTES
+        pixel_bytes += key_bytes * (buffers - 1)
+        pixel_bytes += sum(step.scratch_bytes for step in config.filters)
         check_memory(
             f"a depth map of {width} x {height} pixels",
-            len(views) * height * width * (MAP_BYTES + scratch + 8 * (buffers - 1)),
+            len(views) * height * width * pixel_bytes,
             device,
             "choose a smaller size, or a larger q_depth_map",
         )
-        self._splatter = splatter_of(self._views, config, device, threads)
+        self._splatter = splatter_of(
+            self._views, config, device, with_index=with_index, threads=threads
+        )
         self._maps = DeviceMaps(
             depth=arrays.empty(shape, wp.float32, device),
-            index=arrays.empty(shape, wp.int32, device),
+            index=arrays.empty(shape, wp.int32, device) if with_index else None,
             state=arrays.empty(shape, wp.uint8, device),
         )
         self._flat = [
             array.reshape((len(views), width * height))
             for array in (self._maps.depth, self._maps.index, self._maps.state)
+            if array is not None
         ]
         self._filters = [step.build(self._maps) for step in config.filters]
         self._points: Points | None = None
@@ -116,12 +130,24 @@ class RenderPlan:
         """The maps of the last `render`, on the device."""
         return self._maps
 
+    @property
+    def counts(self) -> npt.NDArray[np.int64]:
+        """What became of the points of the last `render`, in parts, shape (parts, V, columns)."""
+        counts: npt.NDArray[np.int64] = self._splatter.counts.numpy()
+        return counts
+
     def depth_maps(self) -> list[DepthMap]:
-        """The maps of the last `render`, copied to the host; waits for the device."""
+        """The maps of the last `render`, copied to the host; waits for the device.
+
+        Raises:
+            InputError: The plan draws no index.
+        """
+        if self._maps.index is None:
+            raise InputError("a DepthMap has an index: ask for the outputs 'depth' and 'index'")
         depth, index, state = (
             array.numpy().copy() for array in (self._maps.depth, self._maps.index, self._maps.state)
         )
-        counts = self._splatter.counts.numpy().sum(axis=0)
+        counts = self.counts.sum(axis=0)
         return [
             DepthMap(
                 depth=depth[v],

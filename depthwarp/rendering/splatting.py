@@ -22,10 +22,21 @@ def buffer_count(views: int, device: Any, threads: int | None = None) -> int:
 
 
 def splatter_of(
-    views: DeviceViews, config: RenderConfig, device: Any, threads: int | None = None
+    views: DeviceViews,
+    config: RenderConfig,
+    device: Any,
+    *,
+    with_index: bool,
+    threads: int | None = None,
 ) -> CpuSplatter | CudaSplatter:
     """The splatter of a device; `threads` on a CPU, None for all usable cores."""
     if device.is_cuda:
-        return CudaSplatter(views, config, device)
-    count = usable_cores() if threads is None else threads
-    return CpuSplatter(views, config, device, count, buffer_count(views.count, device, threads))
+        return CudaSplatter(views, config, device, with_index=with_index)
+    return CpuSplatter(
+        views,
+        config,
+        device,
+        with_index=with_index,
+        threads=usable_cores() if threads is None else threads,
+        buffers=buffer_count(views.count, device, threads),
+    )

@@ -94,3 +94,64 @@ def merge_blocks(
     for k in range(wp.static(BLOCK)):
         cell = begin + k
         keys_out[cell] = wp.min(keys_out[cell], keys[cell])
+
+
+@wp.func
+def is_empty(key: wp.uint32):
+    """Whether no depth is kept: all ones, as a signed number -1."""
+    return wp.int32(key) == -1
+
+
+# The same three of keys that are depths alone.
+@wp.kernel
+def resolve_depth(
+    # In:
+    keys: wp.array2d[wp.uint32],
+    first: wp.int32,
+    # Out:
+    depth_out: wp.array2d[wp.float32],
+    state_out: wp.array2d[wp.uint8],
+    counts_out: wp.array2d[wp.int64],
+):
+    v, i = wp.tid()
+    cell = first + i
+    key = keys[v, cell]
+    depth_out[v, cell] = wp.where(is_empty(key), 0.0, wp.cast(key, wp.float32))
+    state_out[v, cell] = wp.where(is_empty(key), STATE_EMPTY, STATE_MEASURED)
+    if not is_empty(key):
+        count(counts_out, v, DRAWN)
+
+
+@wp.kernel
+def resolve_depth_blocks(
+    # In:
+    keys: wp.array[wp.uint32],
+    first: wp.int32,
+    # Out:
+    depth_out: wp.array[wp.float32],
+    state_out: wp.array[wp.uint8],
+    counts_out: wp.array[wp.int64],
+):
+    begin = (first + wp.tid()) * wp.static(BLOCK)
+    drawn = int(0)
+    for k in range(wp.static(BLOCK)):
+        cell = begin + k
+        key = keys[cell]
+        depth_out[cell] = wp.where(is_empty(key), 0.0, wp.cast(key, wp.float32))
+        state_out[cell] = wp.where(is_empty(key), STATE_EMPTY, STATE_MEASURED)
+        drawn += wp.where(is_empty(key), 0, 1)
+    counts_out[DRAWN] = counts_out[DRAWN] + wp.int64(drawn)
+
+
+@wp.kernel
+def merge_depth_blocks(
+    # In:
+    keys: wp.array[wp.uint32],
+    first: wp.int32,
+    # Out:
+    keys_out: wp.array[wp.uint32],
+):
+    begin = (first + wp.tid()) * wp.static(BLOCK)
+    for k in range(wp.static(BLOCK)):
+        cell = begin + k
+        keys_out[cell] = wp.min(keys_out[cell], keys[cell])

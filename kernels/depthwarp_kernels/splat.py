@@ -1,8 +1,8 @@
 """Splat points into a Z-buffer of packed keys.
 
-A key is `depth bits << 32 | point index`. The bits of a positive float order like its value, so the
-minimum over keys is the nearest point and, on equal depth, the lowest index, whatever the order
-of the points, the threads or the device.
+A key is `depth bits << 32 | point index`, or the bits of the depth where no index is asked for. The
+bits of a positive float order like its value, so the minimum over keys is the nearest point and, on
+equal depth, the lowest index, whatever the order of the points, the threads or the device.
 """
 
 import math
@@ -35,6 +35,7 @@ from depthwarp_kernels.view import (
 wp.set_module_options(EXACT)
 
 EMPTY_KEY = 0xFFFFFFFFFFFFFFFF
+EMPTY_DEPTH = 0xFFFFFFFF
 
 # Why a point is not drawn: the columns of `counts`. A point counts under the first that applies.
 NOT_FINITE = wp.constant(0)
@@ -57,12 +58,26 @@ DEPTH_ROUNDING = wp.constant(wp.float32(1.0e-6))
 
 @dataclass(frozen=True)
 class SplatConfig:
-    """What is decided at compile time: cloud, lens, depth, whether (8)(9) select the points."""
+    """What is decided at compile time.
+
+    Attributes:
+        source: Kind of cloud.
+        lens: Camera model.
+        depth: `"range"` or `"z"`.
+        range_view: Whether (8)(9) select the points.
+        with_index: Whether keys hold the index of the winner.
+    """
 
     source: PointSource
     lens: LensModel
     depth: str
     range_view: bool
+    with_index: bool = True
+
+    @property
+    def key_type(self):
+        """Type of a key."""
+        return wp.uint64 if self.with_index else wp.uint32
 
     @property
     def ahead_only(self):
@@ -84,6 +99,12 @@ class SplatConfig:
 def count(counts: wp.array2d[wp.int64], view: wp.int32, reason: wp.int32):
     """Count one point of a view under a reason."""
     wp.atomic_add(counts, view, reason, wp.int64(1))
+
+
+@wp.func
+def depth_key(depth: wp.float32):
+    """Z-buffer key without an index: the smaller one is nearer."""
+    return wp.cast(depth, wp.uint32)
 
 
 @wp.func
@@ -170,6 +191,7 @@ def splat_kernel(config: SplatConfig):
     place, project = config.lens.place, config.lens.project
     point_at, index_at = config.source.point_at, config.source.index_at
     sphere_of = config.source.sphere_of
+    Key = config.key_type
     reason_of = reason_function(config)
     verdict_of = verdict_function(config)
 
@@ -182,7 +204,7 @@ def splat_kernel(config: SplatConfig):
         source: Source,
         first: wp.int32,
         # Out:
-        keys_out: wp.array2d[wp.uint64],
+        keys_out: wp.array2d[Key],
         counts_out: wp.array2d[wp.int64],
     ):
         v, i = wp.tid()
@@ -201,7 +223,10 @@ def splat_kernel(config: SplatConfig):
         if reason != DRAWN:
             count(counts_out, v, reason)
             return
-        key = pack_key(depth, index_at(source, i))
+        if wp.static(config.with_index):
+            key = pack_key(depth, index_at(source, i))
+        else:
+            key = depth_key(depth)
         cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
         # A key only ever falls, so a stale read can cost an atomic but never a point.
         if key < keys_out[v, cell]:

@@ -8,7 +8,12 @@ from functools import cache
 
 import warp as wp
 
-from depthwarp_kernels.nearest import keep_nearest, keep_nearest_and_fetch
+from depthwarp_kernels.nearest import (
+    keep_nearest,
+    keep_nearest_depth,
+    keep_nearest_depth_of_block,
+    keep_nearest_of_block,
+)
 from depthwarp_kernels.options import EXACT
 from depthwarp_kernels.point_source import (
     ALL_BEHIND,
@@ -139,6 +144,30 @@ def block_kernel(config: SplatConfig):
     Lens = config.lens.struct
     place, project = config.lens.place, config.lens.project
     reason_of = reason_function(config)
+    Key = config.key_type
+    with_index = config.with_index
+
+    @wp.func
+    def keep(
+        cells: wp.array[wp.int32],
+        depths: wp.array[wp.float32],
+        x: wp.array[wp.float32],
+        y: wp.array[wp.float32],
+        z: wp.array[wp.float32],
+        original: wp.array[wp.int32],
+        begin: wp.int32,
+        next: wp.int32,
+        keys_out: wp.array[Key],
+    ):
+        """Keep the nearest point of each cell."""
+        if wp.static(is_prepared and with_index):
+            keep_nearest_of_block(cells, depths, x, y, z, original, begin, next, keys_out)
+        elif wp.static(is_prepared):
+            keep_nearest_depth_of_block(cells, depths, x, y, z, next, keys_out)
+        elif wp.static(with_index):
+            keep_nearest(cells, depths, begin, keys_out)
+        else:
+            keep_nearest_depth(cells, depths, keys_out)
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
     def splat_blocks(
@@ -156,7 +185,7 @@ def block_kernel(config: SplatConfig):
         first: wp.int32,
         count: wp.int32,
         # Out:
-        keys_out: wp.array[wp.uint64],
+        keys_out: wp.array[Key],
         counts_out: wp.array[wp.int64],
     ):
         if wp.static(is_prepared):
@@ -165,12 +194,12 @@ def block_kernel(config: SplatConfig):
             next = first_of(seen[wp.min(first + wp.tid() + 1, seen.shape[0] - 1)])
         else:
             begin = (first + wp.tid()) * wp.static(BLOCK)
+            next = begin
         view = views[v]
         lens = lenses[v]
         nowhere = view.width * view.height
         cells = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.int32)
         depths = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
-        rows = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.int32)
         if not wp.static(is_prepared):
             # Taken apart first: the compiler does not do that beside the arithmetic.
             a = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
@@ -191,8 +220,7 @@ def block_kernel(config: SplatConfig):
                     column, line = wp.int32(pixel[0] + 0.5), wp.int32(pixel[1] + 0.5)
                     cells[k] = line * view.width + column
                     depths[k] = depth_of(lens, p)
-                    rows[k] = original[begin + k]
-                keep_nearest_and_fetch(cells, depths, rows, x, y, z, original, next, keys_out)
+                keep(cells, depths, x, y, z, original, begin, next, keys_out)
                 return
         # What fills up the last block is not finite, and no point.
         not_finite = wp.min(0, count - begin - wp.static(BLOCK))
@@ -203,10 +231,8 @@ def block_kernel(config: SplatConfig):
         for k in range(wp.static(BLOCK)):
             if wp.static(is_prepared):
                 point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
-                row = original[begin + k]
             else:
                 point = wp.vec3f(a[k], b[k], c[k])
-                row = begin + k
             p = place(view, lens, tables, point)
             pixel = pixel_of(project(lens, tables, p))
             depth = depth_of(lens, p)
@@ -219,11 +245,7 @@ def block_kernel(config: SplatConfig):
             cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
             cells[k] = wp.where(why == DRAWN, cell, nowhere + (k & (SPARE_CELLS - 1)))
             depths[k] = depth
-            rows[k] = row
-        if wp.static(is_prepared):
-            keep_nearest_and_fetch(cells, depths, rows, x, y, z, original, next, keys_out)
-        else:
-            keep_nearest(cells, depths, rows, keys_out)
+        keep(cells, depths, x, y, z, original, begin, next, keys_out)
         counts_out[NOT_FINITE] = counts_out[NOT_FINITE] + wp.int64(not_finite)
         counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(behind)
         counts_out[OUTSIDE] = counts_out[OUTSIDE] + wp.int64(outside)

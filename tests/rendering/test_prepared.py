@@ -242,7 +242,9 @@ def test_points_of_blocks_one_by_one(monkeypatch, model):
         with monkeypatch.context() as patch:
             patch.setattr(
                 "depthwarp.rendering.plan.splatter_of",
-                lambda views, config, device, threads: CudaSplatter(views, config, device),
+                lambda views, config, device, **how: CudaSplatter(
+                    views, config, device, with_index=how["with_index"]
+                ),
             )
             assert_same_map(dw.render(chunks, camera, device="cpu"), expected)
 
