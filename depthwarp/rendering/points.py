@@ -9,7 +9,7 @@ from typing import Any
 import warp as wp
 
 from depthwarp.prepared import PreparedCloud
-from depthwarp_kernels import point_source
+from depthwarp_kernels import packed_points, point_source
 
 __all__ = ["Points", "points_of"]
 
@@ -34,12 +34,15 @@ class Points:
 
     @property
     def block_arrays(self) -> list[Any]:
-        """Coordinates, original rows and plain points, as the kernel for blocks takes them."""
+        """Coordinates, boxes, original rows and plain points, as the kernel for blocks wants."""
+        own, box = self.arrays, _unused(packed_points.PackedBlock)
         if self.source is point_source.PREPARED:
-            own = self.arrays
-            return [own.x, own.y, own.z, own.original, _unused(wp.vec3f)]
+            return [own.x, own.y, own.z, box, own.original, _unused(wp.vec3f)]
+        if self.source is packed_points.PACKED:
+            words = [own.first, own.second, own.third]
+            return [*words, own.boxes, own.original, _unused(wp.vec3f)]
         apart = _unused(wp.float32)
-        return [apart, apart, apart, _unused(wp.int32), self.arrays.points_world]
+        return [apart, apart, apart, box, _unused(wp.int32), own.points_world]
 
     @property
     def total(self) -> int:
@@ -56,9 +59,7 @@ def _unused(dtype: Any) -> Any:
 def points_of(cloud: Any) -> Points:
     """Points of a prepared cloud, or of a `wp.array` of `wp.vec3f`, shape (N,)."""
     if isinstance(cloud, PreparedCloud):
-        return Points(
-            point_source.PREPARED, cloud.source, cloud.finite, cloud.blocks, cloud.not_finite
-        )
+        return Points(cloud.kind, cloud.source, cloud.finite, cloud.blocks, cloud.not_finite)
     plain: Any = point_source.PlainPoints()
     plain.points_world = cloud
     count = cloud.shape[0]

@@ -11,9 +11,14 @@ from depthwarp_kernels.point_source import BLOCK
 
 # Blocks in view lie apart in memory, so no processor guesses the next one: line by line, of 16
 # numbers, it is fetched while this one is drawn. All lines at once would block other reads.
-def loop_over_block(key_type: str, key: str, fetched: str = ""):
-    """Loop that puts the key of each point of a block into its cell if it is the smaller one."""
-    fetch = "".join(f"__builtin_prefetch({array}.data + next + k);" for array in fetched.split())
+def loop_over_block(key_type: str, key: str, **fetched: str):
+    """Loop that puts the key of each point of a block into its cell if it is the smaller one.
+
+    `fetched`: arrays, and where in each of them the next block begins.
+    """
+    fetch = "".join(
+        f"__builtin_prefetch({array}.data + {begin} + k);" for array, begin in fetched.items()
+    )
     return f"""
         for (int k = 0; k < {BLOCK}; ++k) {{
             const uint32_t depth = reinterpret_cast<const uint32_t*>(depths.data)[k];
@@ -47,7 +52,10 @@ def keep_nearest_depth(
     loop_over_block(
         "uint64_t",
         "uint64_t(depth) << 32 | uint32_t(original.data[begin + k])",
-        fetched="x y z original",
+        x="next",
+        y="next",
+        z="next",
+        original="next",
     )
 )
 def keep_nearest_of_block(
@@ -64,7 +72,43 @@ def keep_nearest_of_block(
     """Points of a prepared cloud from `begin` on, while those from `next` on are fetched."""
 
 
-@wp.func_native(loop_over_block("uint32_t", "depth", fetched="x y z"))
+@wp.func_native(
+    loop_over_block(
+        "uint64_t",
+        "uint64_t(depth) << 32 | uint32_t(original.data[begin + k])",
+        first="next",
+        second="next_second",
+        original="next",
+    )
+)
+def keep_nearest_of_packed(
+    cells: wp.array[wp.int32],
+    depths: wp.array[wp.float32],
+    first: wp.array[wp.uint32],
+    second: wp.array[wp.uint32],
+    original: wp.array[wp.int32],
+    begin: wp.int32,
+    next: wp.int32,
+    next_second: wp.int32,
+    keys_out: wp.array[wp.uint64],
+):
+    """Points of a packed cloud, while the next words of its first two planes are fetched."""
+
+
+@wp.func_native(loop_over_block("uint32_t", "depth", first="next", second="next_second"))
+def keep_nearest_depth_of_packed(
+    cells: wp.array[wp.int32],
+    depths: wp.array[wp.float32],
+    first: wp.array[wp.uint32],
+    second: wp.array[wp.uint32],
+    next: wp.int32,
+    next_second: wp.int32,
+    keys_out: wp.array[wp.uint32],
+):
+    """The same, their depths alone."""
+
+
+@wp.func_native(loop_over_block("uint32_t", "depth", x="next", y="next", z="next"))
 def keep_nearest_depth_of_block(
     cells: wp.array[wp.int32],
     depths: wp.array[wp.float32],

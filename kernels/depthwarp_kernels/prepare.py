@@ -1,9 +1,11 @@
 """Spatial order of a cloud: places along a curve, coordinates apart, spheres round blocks."""
 
+from functools import cache
+
 import warp as wp
 
 from depthwarp_kernels.options import EXACT
-from depthwarp_kernels.point_source import BLOCK, GROUP
+from depthwarp_kernels.point_source import BLOCK, GROUP, PointSource
 from depthwarp_kernels.view import is_finite
 
 wp.set_module_options(EXACT)
@@ -158,3 +160,23 @@ def group_spheres(
         reach = wp.length(center_of(spheres[block]) - middle) + spheres[block][3]
         radius = wp.max(radius, reach)
     groups_out[group] = wp.vec4f(middle[0], middle[1], middle[2], radius * 1.00001)
+
+
+@cache
+def restore_kernel(source: PointSource):
+    """Kernel that brings points to the caller's rows; launch over those from `first` on."""
+    Source = source.struct
+    point_at, index_at = source.point_at, source.index_at
+
+    @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
+    def restore_points(
+        # In:
+        points: Source,
+        first: wp.int32,
+        # Out:
+        points_world_out: wp.array[wp.vec3f],
+    ):
+        i = first + wp.tid()
+        points_world_out[index_at(points, i)] = point_at(points, i)
+
+    return restore_points

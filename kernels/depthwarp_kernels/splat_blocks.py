@@ -12,9 +12,12 @@ from depthwarp_kernels.nearest import (
     keep_nearest,
     keep_nearest_depth,
     keep_nearest_depth_of_block,
+    keep_nearest_depth_of_packed,
     keep_nearest_of_block,
+    keep_nearest_of_packed,
 )
 from depthwarp_kernels.options import EXACT
+from depthwarp_kernels.packed_points import PACKED, PackedBlock, decode, unpack_long, unpack_short
 from depthwarp_kernels.point_source import (
     ALL_BEHIND,
     ALL_DRAWN,
@@ -48,23 +51,6 @@ def first_of(entry: wp.int32):
     return wp.where(entry < 0, -1 - entry, entry) * wp.static(BLOCK)
 
 
-@wp.func
-def points_ahead(
-    view: View,
-    x: wp.array[wp.float32],
-    y: wp.array[wp.float32],
-    z: wp.array[wp.float32],
-    begin: wp.int32,
-):
-    """Points of a block with X > 0; what fills up the last block has no X."""
-    ahead = int(0)
-    for k in range(wp.static(BLOCK)):
-        point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
-        p = to_camera(point, view.rotation, view.position, view.shift)
-        ahead += wp.where(p[0] > 0.0, 1, 0)
-    return ahead
-
-
 @cache
 def cull_kernel(config: SplatConfig):
     """Kernel, for one thread, that lists the blocks a view may see and counts the others' points.
@@ -74,6 +60,28 @@ def cull_kernel(config: SplatConfig):
     Source = config.source.struct
     sphere_of, group_of = config.source.sphere_of, config.source.group_of
     verdict_of = verdict_function(config)
+    point_at, is_packed = config.source.point_at, config.source is PACKED
+    Word = wp.uint32 if is_packed else wp.float32
+
+    @wp.func
+    def points_ahead(
+        view: View,
+        source: Source,
+        x: wp.array[Word],
+        y: wp.array[Word],
+        z: wp.array[Word],
+        begin: wp.int32,
+    ):
+        """Points of a block with X > 0; what fills up the last block has no X."""
+        ahead = int(0)
+        for k in range(wp.static(BLOCK)):
+            if wp.static(is_packed):
+                point = point_at(source, begin + k)
+            else:
+                point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
+            p = to_camera(point, view.rotation, view.position, view.shift)
+            ahead += wp.where(p[0] > 0.0, 1, 0)
+        return ahead
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
     def cull_blocks(
@@ -81,9 +89,9 @@ def cull_kernel(config: SplatConfig):
         views: wp.array[View],
         v: wp.int32,
         source: Source,
-        x: wp.array[wp.float32],
-        y: wp.array[wp.float32],
-        z: wp.array[wp.float32],
+        x: wp.array[Word],
+        y: wp.array[Word],
+        z: wp.array[Word],
         count: wp.int32,
         # Out:
         seen_out: wp.array[wp.int32],
@@ -120,7 +128,7 @@ def cull_kernel(config: SplatConfig):
                 else:
                     ahead = wp.where(verdict == ALL_OUTSIDE, held, 0)
                     if verdict == NONE_IN_VIEW:
-                        ahead = points_ahead(view, x, y, z, block * wp.static(BLOCK))
+                        ahead = points_ahead(view, source, x, y, z, block * wp.static(BLOCK))
                     behind += held - ahead
                     outside += ahead
         length_out[0] = length
@@ -136,11 +144,15 @@ def block_kernel(config: SplatConfig):
 
     They are, from `first` on, those of the list `seen` for a prepared cloud, or those of a plain
     one, which comes as `points_world`; the cloud holds `count` points. One launch at a time may
-    write to a buffer. Arrays are arguments, not parts of a struct, and none may be empty: only then
+    write to a buffer. Of a packed cloud x, y and z are the planes of words, and `boxes` says how to
+    read them. Arrays are arguments, not parts of a struct, and none may be empty: only then
     does the compiler know that their numbers lie side by side.
     """
     depth_of = config.depth_of
     is_prepared = config.source.sphere_of is not None
+    is_packed = config.source is PACKED
+    is_apart = is_prepared and not is_packed
+    Word = wp.uint32 if is_packed else wp.float32
     Lens = config.lens.struct
     place, project = config.lens.place, config.lens.project
     reason_of = reason_function(config)
@@ -151,16 +163,23 @@ def block_kernel(config: SplatConfig):
     def keep(
         cells: wp.array[wp.int32],
         depths: wp.array[wp.float32],
-        x: wp.array[wp.float32],
-        y: wp.array[wp.float32],
-        z: wp.array[wp.float32],
+        x: wp.array[Word],
+        y: wp.array[Word],
+        z: wp.array[Word],
         original: wp.array[wp.int32],
         begin: wp.int32,
         next: wp.int32,
+        next_second: wp.int32,
         keys_out: wp.array[Key],
     ):
         """Keep the nearest point of each cell."""
-        if wp.static(is_prepared and with_index):
+        if wp.static(is_packed and with_index):
+            keep_nearest_of_packed(
+                cells, depths, x, y, original, begin, next, next_second, keys_out
+            )
+        elif wp.static(is_packed):
+            keep_nearest_depth_of_packed(cells, depths, x, y, next, next_second, keys_out)
+        elif wp.static(is_prepared and with_index):
             keep_nearest_of_block(cells, depths, x, y, z, original, begin, next, keys_out)
         elif wp.static(is_prepared):
             keep_nearest_depth_of_block(cells, depths, x, y, z, next, keys_out)
@@ -176,9 +195,10 @@ def block_kernel(config: SplatConfig):
         lenses: wp.array[Lens],
         tables: wp.array[wp.float32],
         v: wp.int32,
-        x: wp.array[wp.float32],
-        y: wp.array[wp.float32],
-        z: wp.array[wp.float32],
+        x: wp.array[Word],
+        y: wp.array[Word],
+        z: wp.array[Word],
+        boxes: wp.array[PackedBlock],
         original: wp.array[wp.int32],
         points_world: wp.array[wp.vec3f],
         seen: wp.array[wp.int32],
@@ -195,16 +215,43 @@ def block_kernel(config: SplatConfig):
         else:
             begin = (first + wp.tid()) * wp.static(BLOCK)
             next = begin
+        next_second = int(0)
+        if wp.static(is_packed):
+            # Behind the list's end stands no block: fetched in vain, but never read out of bounds.
+            next_box = boxes[wp.clamp(next / wp.static(BLOCK), 0, boxes.shape[0] - 1)]
+            next_second = wp.where(next_box.planes > 1, next_box.second, 0) * wp.static(BLOCK)
         view = views[v]
         lens = lenses[v]
         nowhere = view.width * view.height
         cells = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.int32)
         depths = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
-        if not wp.static(is_prepared):
-            # Taken apart first: the compiler does not do that beside the arithmetic.
+        if not wp.static(is_apart):
+            # Taken apart first: the compiler does not do that beside the arithmetic. Nor does it
+            # work on several points at once in a function of its own, or with a branch for each.
             a = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
             b = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
             c = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+        if wp.static(is_packed):
+            box = boxes[begin / wp.static(BLOCK)]
+            second, third = box.second * wp.static(BLOCK), box.third * wp.static(BLOCK)
+            if box.planes == 1:
+                for k in range(wp.static(BLOCK)):
+                    together = decode(box.low, box.step, unpack_short(x[begin + k]))
+                    a[k] = together[0]
+                    b[k] = together[1]
+                    c[k] = together[2]
+            elif box.planes == 2:
+                for k in range(wp.static(BLOCK)):
+                    together = decode(box.low, box.step, unpack_long(x[begin + k], y[second + k]))
+                    a[k] = together[0]
+                    b[k] = together[1]
+                    c[k] = together[2]
+            else:
+                for k in range(wp.static(BLOCK)):
+                    a[k] = wp.cast(x[begin + k], wp.float32)
+                    b[k] = wp.cast(y[second + k], wp.float32)
+                    c[k] = wp.cast(z[third + k], wp.float32)
+        elif not wp.static(is_prepared):
             for k in range(wp.static(BLOCK)):
                 together = points_world[begin + k]
                 a[k] = together[0]
@@ -213,14 +260,16 @@ def block_kernel(config: SplatConfig):
         if wp.static(is_prepared):
             if entry < 0:
                 for k in range(wp.static(BLOCK)):
-                    p = place(
-                        view, lens, tables, wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
-                    )
+                    if wp.static(is_apart):
+                        point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
+                    else:
+                        point = wp.vec3f(a[k], b[k], c[k])
+                    p = place(view, lens, tables, point)
                     pixel = project(lens, tables, p)
                     column, line = wp.int32(pixel[0] + 0.5), wp.int32(pixel[1] + 0.5)
                     cells[k] = line * view.width + column
                     depths[k] = depth_of(lens, p)
-                keep(cells, depths, x, y, z, original, begin, next, keys_out)
+                keep(cells, depths, x, y, z, original, begin, next, next_second, keys_out)
                 return
         # What fills up the last block is not finite, and no point.
         not_finite = wp.min(0, count - begin - wp.static(BLOCK))
@@ -229,7 +278,7 @@ def block_kernel(config: SplatConfig):
         too_far = int(0)
         too_near = int(0)
         for k in range(wp.static(BLOCK)):
-            if wp.static(is_prepared):
+            if wp.static(is_apart):
                 point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
             else:
                 point = wp.vec3f(a[k], b[k], c[k])
@@ -245,7 +294,7 @@ def block_kernel(config: SplatConfig):
             cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
             cells[k] = wp.where(why == DRAWN, cell, nowhere + (k & (SPARE_CELLS - 1)))
             depths[k] = depth
-        keep(cells, depths, x, y, z, original, begin, next, keys_out)
+        keep(cells, depths, x, y, z, original, begin, next, next_second, keys_out)
         counts_out[NOT_FINITE] = counts_out[NOT_FINITE] + wp.int64(not_finite)
         counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(behind)
         counts_out[OUTSIDE] = counts_out[OUTSIDE] + wp.int64(outside)

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import depthwarp as dw
-from depthwarp import prepared as prepared_module
 from depthwarp.errors import CapacityError, DeviceError, InputError
 from depthwarp.rendering.cuda_splatting import CudaSplatter
 from depthwarp_kernels.point_source import BLOCK
@@ -344,7 +343,7 @@ def test_preparing_uses_all_cores_alike(monkeypatch):
     """The same blocks whatever number of threads prepares them."""
     made = []
     for cores in (1, 2, 5):
-        monkeypatch.setattr(prepared_module, "usable_cores", lambda cores=cores: cores)
+        monkeypatch.setattr("depthwarp.prepared.launching.usable_cores", lambda cores=cores: cores)
         made.append(dw.PointCloud(room(5120)).prepare(device="cpu").source)
     for other in made[1:]:
         np.testing.assert_array_equal(other.x.numpy(), made[0].x.numpy())
@@ -358,5 +357,5 @@ def test_it_says_what_it_is():
     points[7] = np.nan
     chunks = dw.PointCloud(points).prepare(device="cpu")
     assert len(chunks) == 1030
-    assert repr(chunks) == "PreparedCloud(1030 points in 3 blocks on cpu)"
+    assert repr(chunks) == "PreparedCloud(1030 points in 3 blocks, 12.0 bytes a point, on cpu)"
     assert chunks.device == wp.get_device("cpu")
