@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import warp as wp
 
 from depthwarp import arrays
@@ -40,9 +42,6 @@ class CpuSplatter:
         with_index: Whether keys hold the winner's index, or its depth alone.
         threads: Threads that share the work.
         buffers: One for each thread, or one: then each thread draws whole views.
-
-    Attributes:
-        counts: What became of the points, shape (buffers, V, `COUNT_COLUMNS`), int64.
     """
 
     def __init__(
@@ -65,9 +64,9 @@ class CpuSplatter:
         self._empty = splat.EMPTY_KEY if with_index else splat.EMPTY_DEPTH
         key_type = wp.uint64 if with_index else wp.uint32
         self._keys = arrays.empty((buffers, views.count, cells), key_type, device)
-        self.counts = arrays.empty((buffers, views.count, splat.COUNT_COLUMNS), wp.int64, device)
+        self._counts = arrays.empty((buffers, views.count, splat.COUNT_COLUMNS), wp.int64, device)
         self._buffers = [
-            [(self._keys[b, v], self.counts[b, v]) for v in range(views.count)]
+            [(self._keys[b, v], self._counts[b, v]) for v in range(views.count)]
             for b in range(buffers)
         ]
         wp.load_module(resolving.resolve.module, device=device)
@@ -77,7 +76,7 @@ class CpuSplatter:
     def draw(self, points: Points) -> None:
         """Clear the buffers and draw a cloud."""
         kernels = self._kernels(points.source)
-        self.counts.zero_()
+        self._counts.zero_()
         views = range(self._views.count)
         if self._threads == 1 or points.whole_blocks * len(views) < LEAST_BLOCKS:
             self._keys.fill_(self._empty)
@@ -103,9 +102,14 @@ class CpuSplatter:
                 resolving.resolve if self._with_index else resolving.resolve_depth,
                 dim=(len(views), self._pixels - whole),
                 inputs=[self._keys[0], whole],
-                outputs=[*maps, self.counts[0]],
+                outputs=[*maps, self._counts[0]],
                 device=self._device,
             )
+
+    def total_counts(self) -> npt.NDArray[np.int64]:
+        """What became of the points, shape (V, `COUNT_COLUMNS`)."""
+        counts: npt.NDArray[np.int64] = self._counts.numpy().sum(axis=0)
+        return counts
 
     def _draw_apart(self, kernels: _Kernels, points: Points) -> None:
         """Draw views, each with one thread."""
@@ -190,7 +194,7 @@ class CpuSplatter:
                 kernels.points,
                 dim=(self._views.count, points.count - first),
                 inputs=[*self._views.arrays, points.arrays, first],
-                outputs=[self._keys[0], self.counts[0]],
+                outputs=[self._keys[0], self._counts[0]],
                 device=self._device,
             )
 

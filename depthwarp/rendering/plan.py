@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import warp as wp
 
 from depthwarp import arrays
@@ -130,11 +129,9 @@ class RenderPlan:
         """The maps of the last `render`, on the device."""
         return self._maps
 
-    @property
-    def counts(self) -> npt.NDArray[np.int64]:
-        """What became of the points of the last `render`, in parts, shape (parts, V, columns)."""
-        counts: npt.NDArray[np.int64] = self._splatter.counts.numpy()
-        return counts
+    def stats(self) -> list[RenderStats]:
+        """What became of the points of the last `render`, of each view; waits for the device."""
+        return [_stats(self._points, counts) for counts in self._splatter.total_counts()]
 
     def depth_maps(self) -> list[DepthMap]:
         """The maps of the last `render`, copied to the host; waits for the device.
@@ -145,22 +142,21 @@ class RenderPlan:
         if self._maps.index is None:
             raise InputError("a DepthMap has an index: ask for the outputs 'depth' and 'index'")
         depth, index, state = (
-            array.numpy().copy() for array in (self._maps.depth, self._maps.index, self._maps.state)
+            array.numpy() for array in (self._maps.depth, self._maps.index, self._maps.state)
         )
-        counts = self.counts.sum(axis=0)
         return [
             DepthMap(
-                depth=depth[v],
-                index=index[v],
-                state=state[v],
+                depth=depth[v].copy(),
+                index=index[v].copy(),
+                state=state[v].copy(),
                 camera=camera,
                 kind=self._config.depth,
                 min_range=self._config.min_range,
                 max_range=self._config.max_range,
-                stats=_stats(self._points, counts[v]),
+                stats=stats,
                 filters=tuple(map(repr, self._config.filters)),
             )
-            for v, camera in enumerate(self._cameras)
+            for v, (camera, stats) in enumerate(zip(self._cameras, self.stats(), strict=True))
         ]
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import warp as wp
+
+from depthwarp import arrays
 from depthwarp.devices import usable_cores
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.cpu_splatting import CpuSplatter
-from depthwarp.rendering.cuda_splatting import CudaSplatter
+from depthwarp.rendering.cuda_splatting import CudaSplatter, groups_of
 from depthwarp.rendering.views import DeviceViews
+from depthwarp_kernels.splat import COUNT_COLUMNS
 
 __all__ = ["buffer_count", "splatter_of"]
 
@@ -31,7 +35,11 @@ def splatter_of(
 ) -> CpuSplatter | CudaSplatter:
     """The splatter of a device; `threads` on a CPU, None for all usable cores."""
     if device.is_cuda:
-        return CudaSplatter(views, config, device, with_index=with_index)
+        width, height = views.size
+        key_type = wp.uint64 if with_index else wp.uint32
+        keys = arrays.empty((views.count, width * height), key_type, device)
+        counts = arrays.empty((views.count, COUNT_COLUMNS), wp.int64, device)
+        return CudaSplatter(views, config.depth, keys, counts, groups_of(device))
     return CpuSplatter(
         views,
         config,

@@ -102,6 +102,18 @@ def is_empty(key: wp.uint32):
     return wp.int32(key) == -1
 
 
+@wp.func
+def depth_alone(key: wp.uint32):
+    """Depth [m] that is kept; 0 without one."""
+    return wp.where(is_empty(key), 0.0, wp.cast(key, wp.float32))
+
+
+@wp.func
+def state_alone(key: wp.uint32):
+    """Empty or measured."""
+    return wp.where(is_empty(key), STATE_EMPTY, STATE_MEASURED)
+
+
 # The same three of keys that are depths alone.
 @wp.kernel
 def resolve_depth(
@@ -116,8 +128,8 @@ def resolve_depth(
     v, i = wp.tid()
     cell = first + i
     key = keys[v, cell]
-    depth_out[v, cell] = wp.where(is_empty(key), 0.0, wp.cast(key, wp.float32))
-    state_out[v, cell] = wp.where(is_empty(key), STATE_EMPTY, STATE_MEASURED)
+    depth_out[v, cell] = depth_alone(key)
+    state_out[v, cell] = state_alone(key)
     if not is_empty(key):
         count(counts_out, v, DRAWN)
 
@@ -137,8 +149,8 @@ def resolve_depth_blocks(
     for k in range(wp.static(BLOCK)):
         cell = begin + k
         key = keys[cell]
-        depth_out[cell] = wp.where(is_empty(key), 0.0, wp.cast(key, wp.float32))
-        state_out[cell] = wp.where(is_empty(key), STATE_EMPTY, STATE_MEASURED)
+        depth_out[cell] = depth_alone(key)
+        state_out[cell] = state_alone(key)
         drawn += wp.where(is_empty(key), 0, 1)
     counts_out[DRAWN] = counts_out[DRAWN] + wp.int64(drawn)
 

@@ -39,8 +39,7 @@ def test_depth_is_the_same_without_an_index(prepared, views, threads):
     assert alone.index is None
     np.testing.assert_array_equal(alone.depth.numpy(), whole.depth.numpy())
     np.testing.assert_array_equal(alone.state.numpy(), whole.state.numpy())
-    counts, expected = (plan.counts.sum(axis=0) for plan in reversed(plans))
-    np.testing.assert_array_equal(counts, expected)
+    assert plans[0].stats() == plans[1].stats()
     assert (whole.depth.numpy() > 0).sum() > 500
 
 

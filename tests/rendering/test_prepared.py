@@ -13,8 +13,11 @@ from hypothesis import strategies as st
 
 import depthwarp as dw
 from depthwarp.errors import CapacityError, DeviceError, InputError
+from depthwarp.rendering import RenderConfig
 from depthwarp.rendering.cuda_splatting import CudaSplatter
+from depthwarp.rendering.views import DeviceViews
 from depthwarp_kernels.point_source import BLOCK
+from depthwarp_kernels.splat import COUNT_COLUMNS
 from tests.cameras.models import IDENTITY, MODELS, cameras_of
 from tests.rendering.clumps import SIZES, assert_same_map, clumps
 from tests.rendering.strategies import seeds
@@ -228,9 +231,18 @@ def test_the_camera_of_a_range_view_sees_a_prepared_cloud(device):
     assert dw.render(cloud.prepare(device=device), camera, device=device).stats.drawn > 0
 
 
+def cuda_splatter(views: DeviceViews, config: RenderConfig, with_index: bool) -> CudaSplatter:
+    """What a plan makes on CUDA, here on the CPU."""
+    width, height = views.size
+    key_type = wp.uint64 if with_index else wp.uint32
+    keys = wp.empty((views.count, width * height), dtype=key_type, device="cpu")
+    counts = wp.empty((views.count, COUNT_COLUMNS), dtype=wp.int64, device="cpu")
+    return CudaSplatter(views, config.depth, keys, counts, groups=5)
+
+
 @pytest.mark.parametrize("model", MODEL_NAMES)
-def test_points_of_blocks_one_by_one(monkeypatch, model):
-    """The kernel of a device without blocks, one thread a point, here on the CPU: the same."""
+def test_a_plan_with_the_splat_for_cuda(monkeypatch, model):
+    """Its kernels run on a CPU too, and draw the same maps with the same counts."""
     rng = np.random.default_rng(19)
     cloud = dw.PointCloud(np.concatenate([room(3000), room(700) * np.float32(1e19)]))
     chunks = cloud.prepare(device="cpu")
@@ -241,8 +253,8 @@ def test_points_of_blocks_one_by_one(monkeypatch, model):
         with monkeypatch.context() as patch:
             patch.setattr(
                 "depthwarp.rendering.plan.splatter_of",
-                lambda views, config, device, **how: CudaSplatter(
-                    views, config, device, with_index=how["with_index"]
+                lambda views, config, device, **how: cuda_splatter(
+                    views, config, how["with_index"]
                 ),
             )
             assert_same_map(dw.render(chunks, camera, device="cpu"), expected)

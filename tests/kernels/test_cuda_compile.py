@@ -1,0 +1,99 @@
+"""Kernels as CUDA's compiler sees them: no GPU is needed, NVRTC comes with Warp."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import warp as wp
+
+from depthwarp_kernels import splat_cuda
+from depthwarp_kernels.point_source import PREPARED
+from depthwarp_kernels.splat import COUNT_COLUMNS, splat_kernel
+from tests.kernels.compile_families import ROUNDING, ptx_of
+from tests.kernels.scenes import CULLED, SCENES, splat_configs
+
+FAMILIES = {
+    "encode",
+    "filters",
+    "laser_color",
+    "laser_line",
+    "lzf",
+    "poses",
+    "prepare",
+    "resolve",
+    "segment",
+    "splat_cuda",
+    "twin",
+}
+"""Files with kernels outside factories; `splat_blocks` is for CPUs alone."""
+
+LIBRARIES = {"laser_color", "twin"}
+"""Files with exponentials and sines of CUDA's library: no part of the maps."""
+
+
+@pytest.fixture(scope="module")
+def architecture() -> int:
+    """The oldest architecture that the compiler writes PTX for."""
+    known = wp.get_cuda_supported_archs()
+    if not known:
+        pytest.skip("this Warp was built without CUDA's compiler")
+    return min(known)
+
+
+def assert_plain_arithmetic(ptx: str) -> None:
+    """float32 that rounds as on a CPU, in registers: no double, nothing fused, no local memory."""
+    body = re.sub(r"//.*", "", ptx)
+    assert "ret;" in body  # it is the code
+    assert ".f64" not in body
+    assert ROUNDING.findall(body) == []
+    assert "__local_depot" not in body and ".local" not in body
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_splat_stays_in_registers_and_rounds_as_on_a_cpu(scene, architecture, tmp_path):
+    """Every lens, plain and prepared: wide reads, one atomic a point, one a count and warp."""
+    for config in splat_configs(scene):
+        ptx = ptx_of(splat_cuda.chunk_kernel(config).module, architecture, tmp_path)
+        assert_plain_arithmetic(ptx)
+        size = splat_cuda.points_of_lane(config)
+        reasons = COUNT_COLUMNS - 1  # drawn pixels are counted when they are resolved
+        atomics = re.findall(r"\b(?:atom|red)\.global\.(?:\w+\.)*?(min|add)\.", ptx)
+        assert sorted(atomics) == ["add"] * reasons + ["min"] * size
+        assert len(re.findall(r"\b(?:atom|red)\.", ptx)) == len(atomics)
+        wide = 3 if config.source is PREPARED and size == 4 else 0
+        assert ptx.count("ld.global.v4.f32") == wide
+
+
+@pytest.mark.parametrize("scene", CULLED)
+def test_listing_chunks_costs_atomics_by_the_warp(scene, architecture, tmp_path):
+    """All ways to cull: one atomic for the places in the list, two for the counts."""
+    (_, config) = splat_configs(scene)
+    ptx = ptx_of(splat_cuda.list_kernel(config).module, architecture, tmp_path)
+    assert_plain_arithmetic(ptx)
+    # The compiler may write the threads' loop twice.
+    assert len(re.findall(r"\b(?:atom|red)\.", ptx)) in (3, 6)
+
+
+def test_single_points_compile(architecture, tmp_path):
+    """The kernel that tests compare with on a GPU."""
+    (config, _) = splat_configs("pinhole")
+    assert_plain_arithmetic(ptx_of(splat_kernel(config).module, architecture, tmp_path))
+
+
+def test_every_other_kernel_compiles(architecture):
+    """Filters, poses, laser line, twin and all else; what makes maps rounds as on a CPU."""
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.kernels.compile_families", str(architecture)],
+        cwd=Path(__file__).resolve().parents[2],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    rounding = {name: int(count) for name, count in map(str.split, done.stdout.splitlines())}
+    assert rounding.keys() >= FAMILIES
+    assert {name for name, count in rounding.items() if count} <= LIBRARIES
