@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from depthwarp.io import read
     from depthwarp.prepared import PreparedCloud
     from depthwarp.range_view import RangeView
-    from depthwarp.rendering import Renderer, render, render_batch
+    from depthwarp.rendering import Renderer, render, render_batch, render_stream
 
 __all__ = [
     "Camera",
@@ -55,6 +55,7 @@ __all__ = [
     "read",
     "render",
     "render_batch",
+    "render_stream",
 ]
 
 __version__ = "0.1.0"
@@ -81,6 +82,7 @@ _MODULE_OF_NAME = {
     "read": "depthwarp.io",
     "render": "depthwarp.rendering",
     "render_batch": "depthwarp.rendering",
+    "render_stream": "depthwarp.rendering",
 }
 _SUBMODULES = frozenset({"cameras", "errors", "filters", "io"})
 

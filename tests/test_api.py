@@ -49,6 +49,7 @@ PUBLIC = [
     "read",
     "render",
     "render_batch",
+    "render_stream",
 ]
 HEAVY = ["warp", "cv2", "matplotlib", "serial", "typer", "rich", "open3d"]
 

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from depthwarp.cameras import Camera, DepthKind
 from depthwarp.cloud import PointCloud
-from depthwarp.depth_map import DepthMap
 from depthwarp.depth_maps import DepthMaps
 from depthwarp.errors import InputError
 from depthwarp.filters import Filter, check_filters
 from depthwarp.prepared import PreparedCloud
 from depthwarp.range_view import RangeView
 from depthwarp.rendering.config import RenderConfig
-from depthwarp.rendering.inputs import device_of, device_points, view_plan
-from depthwarp.rendering.plan import MAP_BYTES, RenderPlan
+from depthwarp.rendering.inputs import device_of
+from depthwarp.rendering.stream import looks_of
+from depthwarp.rendering.tiles import Look, draw_looks
 
 __all__ = ["render_batch"]
-
-TILE_BYTES = 1 << 28
-"""Buffers of the views that are drawn together [bytes]."""
 
 
 def render_batch(
@@ -62,41 +59,23 @@ def render_batch(
         >>> dw.render_batch(cloud, turns, device="cpu").depth.shape
         (2, 3, 4)
     """
-    if isinstance(cameras, Camera | RangeView):
-        raise InputError(
-            "cameras must be several, in a list or a rig, got one "
-            f"{type(cameras).__name__}: [camera], or dw.render(cloud, camera)"
-        )
     names = tuple(cameras) if isinstance(cameras, Mapping) else None
-    views = list(cameras.values() if isinstance(cameras, Mapping) else cameras)
-    if not views:
-        raise InputError("cameras must be at least one")
-    seen = [clouds] * len(views) if isinstance(clouds, PointCloud | PreparedCloud) else list(clouds)
-    if len(seen) != len(views):
+    looks = looks_of(clouds, cameras, device)
+    one = isinstance(clouds, PointCloud | PreparedCloud)
+    if not one and len(clouds) != len(cameras):
         raise InputError(
-            f"clouds must be one for all cameras or one for each: got {len(seen)} clouds and "
-            f"{len(views)} cameras"
+            f"clouds must be one for all cameras or one for each: got {len(clouds)} clouds and "
+            f"{len(cameras)} cameras"
         )
     config = RenderConfig(depth, min_range, max_range, check_filters(filters))
     target = device_of(clouds, device)
-    plans = [view_plan(camera, cloud, device) for camera, cloud in zip(views, seen, strict=True)]
-    groups: dict[Any, list[int]] = {}
-    for number, (plan, cloud) in enumerate(zip(plans, seen, strict=True)):
-        camera = plan.camera
-        key = id(cloud), camera.device_lens().model, camera.size, plan.line_count > 0
-        groups.setdefault(key, []).append(number)
-    maps: dict[int, DepthMap] = {}
-    for numbers in groups.values():
-        points = device_points(seen[numbers[0]], target)
-        for tile in _tiles(numbers, plans[numbers[0]].camera.size):
-            together = RenderPlan([plans[number] for number in tile], config, target)
-            together.render(points)
-            maps.update(zip(tile, together.depth_maps(), strict=True))
-    return DepthMaps([maps[number] for number in range(len(views))], names)
-
-
-def _tiles(numbers: Sequence[int], size: tuple[int, int]) -> Iterator[Sequence[int]]:
-    """Views in groups whose buffers stay small beside their results."""
-    most = max(1, TILE_BYTES // (MAP_BYTES * size[0] * size[1]))
-    for first in range(0, len(numbers), most):
-        yield numbers[first : first + most]
+    # Those that can be drawn together come together, whatever the order of the cameras.
+    groups: dict[Any, list[tuple[int, Look]]] = {}
+    for number, look in enumerate(looks):
+        groups.setdefault(look.group, []).append((number, look))
+    together = [pair for group in groups.values() for pair in group]
+    if not together:
+        raise InputError("cameras must be at least one")
+    drawn = draw_looks((look for _, look in together), config, target)
+    maps = {number: depth_map for (number, _), depth_map in zip(together, drawn, strict=True)}
+    return DepthMaps([maps[number] for number in range(len(maps))], names)

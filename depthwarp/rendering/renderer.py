@@ -6,36 +6,44 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import warp as wp
 
-from depthwarp import arrays
-from depthwarp.cameras import Camera, DepthKind, Pose
+from depthwarp.cameras import Camera, DepthKind
 from depthwarp.checks import check_choice
 from depthwarp.depth_map import DepthMap
 from depthwarp.devices import resolve_device
 from depthwarp.errors import InputError
 from depthwarp.filters import Filter, check_filters
 from depthwarp.prepared import PreparedCloud
+from depthwarp.rendering.clouds import CloudsOfViews
 from depthwarp.rendering.config import RenderConfig
+from depthwarp.rendering.handed import check_array, check_points, check_poses
 from depthwarp.rendering.plan import RenderPlan
-from depthwarp.rendering.views import ViewPlan
+from depthwarp.rendering.ragged import OUTPUTS, RaggedPlan
+from depthwarp.rendering.views import DeviceViews, ViewPlan
 
 __all__ = ["Renderer"]
-
-OUTPUTS = ("depth", "index", "state")
 
 
 class Renderer:
     """Renders the same cameras again and again, on the device, into buffers of its own.
 
-    After the first call `render` compiles nothing and allocates no image; on CUDA it does not wait
-    for the device and can be captured in a graph. What it returns stays valid until the next call.
+    The first call decides what it draws: without `offsets` one cloud into all views; with them many
+    clouds, each view the one that `cloud_of` names, which suits thousands of small clouds and
+    images (worlds of a simulation, objects of a data set). It also allocates the buffers and
+    compiles; the calls after it do neither, and on CUDA they do not wait for the device and can be
+    captured in a graph. What they return is the renderer's and stays valid until the next call.
+
+    Of many clouds only the `outputs` are allocated. Of one cloud only `"index"` can be left out,
+    which halves the Z-buffer. Filters work on all maps, so with them all are there.
 
     Args:
-        cameras: Cameras of one model and size; their poses hold until others are given.
-        max_points: Most points of a call; more are refused.
+        cameras: Cameras of one model and size, one for each view; their poses hold until others
+            are given.
+        max_points: Most points of a call, of all clouds together; more are refused.
         outputs: What `render` returns: some of `"depth"`, `"index"`, `"state"`.
+        cloud_of: With `offsets`: the cloud that each view looks at, shape (V,), whole numbers or
+            `wp.array` of `wp.int32`; None where view v looks at cloud v.
         depth: As in `dw.render`.
         filters: As in `dw.render`.
         min_range: As in `dw.render` [m].
@@ -46,7 +54,6 @@ class Renderer:
         InputError: Cameras of several models or sizes, or none; an unknown output; or what
             `dw.render` refuses.
         DeviceError: The device is not on this machine.
-        CapacityError: The buffers do not fit the device's memory.
 
     Example:
         >>> import numpy as np, depthwarp as dw
@@ -55,6 +62,11 @@ class Renderer:
         >>> maps = renderer.render(np.array([[2, 0, 0]], np.float32))
         >>> maps["depth"].shape, float(maps["depth"].numpy()[1].max())
         ((2, 6, 8), 2.0)
+        >>> clouds = np.array([[2, 0, 0], [3, 0, 0], [4, 0, 0]], np.float32)
+        >>> many = dw.Renderer(cameras, max_points=1000, device="cpu")
+        >>> maps = many.render(clouds, offsets=[0, 1, 3])
+        >>> maps["depth"].numpy().max(axis=(1, 2)), maps["index"].numpy().max(axis=(1, 2))
+        (array([2., 3.], dtype=float32), array([0, 0], dtype=int32))
     """
 
     def __init__(
@@ -63,6 +75,7 @@ class Renderer:
         *,
         max_points: int,
         outputs: Sequence[str] = ("depth", "index"),
+        cloud_of: Any = None,
         depth: DepthKind = "range",
         filters: Sequence[Filter] | None = None,
         min_range: float = 0.0,
@@ -70,7 +83,7 @@ class Renderer:
         device: str | None = None,
     ) -> None:
         for name in outputs:
-            check_choice("outputs", name, OUTPUTS)
+            check_choice("outputs", name, tuple(OUTPUTS))
         if not outputs:
             raise InputError(f"outputs must be some of {', '.join(OUTPUTS)}, got none")
         if max_points < 0:
@@ -81,8 +94,12 @@ class Renderer:
         self._cameras = tuple(cameras)
         self._max_points, self._outputs = int(max_points), tuple(outputs)
         self._device = resolve_device(device)
-        config = RenderConfig(depth, min_range, max_range, check_filters(filters))
-        self._plan = RenderPlan([ViewPlan(camera) for camera in cameras], config, self._device)
+        self._config = RenderConfig(depth, min_range, max_range, check_filters(filters))
+        # Refuses views that cannot be one plan's.
+        DeviceViews(self._view_plans(), self._config, self._device, culls=False)
+        self._clouds = CloudsOfViews(len(self._cameras), cloud_of, self._device)
+        self._one: RenderPlan | None = None
+        self._many: RaggedPlan | None = None
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
@@ -94,33 +111,53 @@ class Renderer:
         points: Any,
         poses: Any = None,
         *,
+        offsets: Any = None,
+        cloud_of: Any = None,
         out: Mapping[str, Any] | None = None,
     ) -> dict[str, Any]:
         """Draw points into all views.
 
         Args:
             points: Points in the world frame [m]: `wp.array` of `wp.vec3f`, shape (N,), on the
-                renderer's device; a `PreparedCloud` of it; or, on a CPU, a NumPy array, shape
-                (N, 3), float32.
+                renderer's device; a `PreparedCloud` of it (without `offsets`); or, on a CPU, a
+                NumPy array, shape (N, 3), float32. Of many clouds one behind the other.
             poses: New poses, world to OpenCV's optical axes: `wp.array` of `wp.mat44f`, shape
                 (V,), on the device, taken as they are; or a NumPy array, shape (V, 4, 4), whose
-                rotations are checked. None: those of before.
+                rotations are checked, which takes the host some 70 us a view. None: those of
+                before.
+            offsets: First point of each cloud, and the end of the last: `wp.array` of `wp.int32`,
+                shape (C + 1,), on the device; or whole numbers on the host, which are checked and
+                copied there. None: the points are one cloud.
+            cloud_of: Another `cloud_of` than before, see the class.
             out: Arrays of the caller to write into, by the names of the outputs: `wp.array` on the
                 device of the shape (V, H, W), float32, int32 and uint8.
 
         Returns:
             The outputs by name, `wp.array`, shape (V, H, W); those of `out`, or the renderer's own,
-            which the next call overwrites.
+            which the next call overwrites. `"index"` counts from the first point of the view's own
+            cloud.
 
         Raises:
-            InputError: Another device, shape or type, more points than `max_points`, or a matrix
-                that is not a pose. Nothing is copied between devices in silence.
+            InputError: Another device, shape or type, more points than `max_points`, a matrix that
+                is not a pose, offsets that fall or reach beyond the points, or a cloud that there
+                is not. Nothing is copied from the device to be looked at: numbers that are there
+                are bounded instead. A cloud ends at the latest with the points, and a view of a
+                cloud that there is not is empty.
+            CapacityError: In the first call: the buffers do not fit the device's memory.
         """
-        cloud = self._checked_points(points)
-        self._take_poses(poses)
-        self._plan.render(cloud)
-        own = self._plan.maps
-        results = {name: getattr(own, name) for name in self._outputs}
+        cloud = check_points(points, self._max_points, self._device)
+        cameras = self._checked_poses(poses)
+        plan = self._plan(cloud, offsets, cloud_of)
+        if isinstance(poses, np.ndarray):
+            self._cameras = cameras
+            plan.look_from(self._view_plans())
+        elif poses is not None:
+            plan.look_from_device(poses)
+        if isinstance(plan, RaggedPlan):
+            plan.render(cloud, self._clouds.offsets, self._clouds.cloud_of)
+        else:
+            plan.render(cloud)
+        results = {name: getattr(plan.maps, name) for name in self._outputs}
         if out is None:
             return results
         for name, array in self._checked_out(out, results).items():
@@ -132,56 +169,54 @@ class Renderer:
         """The maps of the last `render` on the host, with counts; waits for the device.
 
         Their cameras have the last poses that came from the host.
+
+        Raises:
+            InputError: Nothing was rendered yet; or depth and index are not both among the outputs.
         """
-        return self._plan.depth_maps()
+        if self._many is not None:
+            return self._many.depth_maps()
+        if self._one is None:
+            raise InputError("nothing was rendered yet: call render(points) first")
+        return self._one.depth_maps()
 
-    def _checked_points(self, points: Any) -> Any:
-        if isinstance(points, PreparedCloud):
-            if points.device != self._device:
+    def _view_plans(self) -> list[ViewPlan]:
+        return [ViewPlan(camera) for camera in self._cameras]
+
+    def _plan(self, cloud: Any, offsets: Any, cloud_of: Any) -> RenderPlan | RaggedPlan:
+        """The plan that the first call chose, made by it; with the clouds of this call."""
+        if offsets is None:
+            if cloud_of is not None or self._clouds.are_named or self._many is not None:
                 raise InputError(
-                    f"the cloud was prepared on {points.device.alias}, the renderer is on "
-                    f"{self._device.alias}"
+                    "offsets are missing: which points belong to which cloud; for one cloud in all "
+                    "views, make another renderer"
                 )
-            count, cloud = len(points), points
-        elif isinstance(points, np.ndarray):
-            if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 3:
-                raise InputError(
-                    f"points must be float32 of the shape (N, 3), got {points.dtype} of "
-                    f"{points.shape}"
+            if self._one is None:
+                with_index = "index" in self._outputs
+                self._one = RenderPlan(
+                    self._view_plans(), self._config, self._device, with_index=with_index
                 )
-            if self._device.is_cuda:
-                raise InputError(
-                    f"points are on the host and the renderer is on {self._device.alias}: bring "
-                    "them there once, wp.array(points, dtype=wp.vec3f, device=...)"
-                )
-            count = len(points)
-            cloud = arrays.share_points(np.ascontiguousarray(points), self._device)
-        else:
-            self._check_array("points", points, wp.vec3f, None)
-            count, cloud = points.shape[0], points
-        if count > self._max_points:
+            return self._one
+        if self._one is not None:
             raise InputError(
-                f"{count} points are more than this renderer's max_points = {self._max_points}"
+                "offsets: this renderer has drawn one cloud into all views and has the buffers for "
+                "that: make another for many clouds"
             )
-        return cloud
+        if isinstance(cloud, PreparedCloud):
+            raise InputError("offsets divide plain points, not a PreparedCloud, which is one cloud")
+        self._clouds.divide(cloud.shape[0], offsets, cloud_of)
+        if self._many is None:
+            self._many = RaggedPlan(self._view_plans(), self._config, self._outputs, self._device)
+        return self._many
 
-    def _take_poses(self, poses: Any) -> None:
-        if poses is None:
-            return
+    def _checked_poses(self, poses: Any) -> tuple[Camera, ...]:
+        """The cameras at the poses, if those come from the host."""
         count = len(self._cameras)
         if isinstance(poses, np.ndarray):
-            if poses.shape != (count, 4, 4):
-                raise InputError(
-                    f"poses must have the shape (V, 4, 4) = {count, 4, 4}, got {poses.shape}"
-                )
-            self._cameras = tuple(
-                camera.with_pose(_pose(matrix, view))
-                for view, (camera, matrix) in enumerate(zip(self._cameras, poses, strict=True))
-            )
-            self._plan.look_from([ViewPlan(camera) for camera in self._cameras])
-            return
-        self._check_array("poses", poses, wp.mat44f, (count,))
-        self._plan.look_from_device(poses)
+            placed = zip(self._cameras, check_poses(poses, count), strict=True)
+            return tuple(camera.with_pose(pose) for camera, pose in placed)
+        if poses is not None:
+            check_array("poses", poses, wp.mat44f, self._device, (count,))
+        return self._cameras
 
     def _checked_out(self, out: Mapping[str, Any], results: dict[str, Any]) -> Mapping[str, Any]:
         for name, array in out.items():
@@ -189,26 +224,6 @@ class Renderer:
                 raise InputError(
                     f"out holds '{name}', which is no output of this renderer: {self._outputs}"
                 )
-            self._check_array(f"out['{name}']", array, results[name].dtype, results[name].shape)
+            dtype, shape = results[name].dtype, results[name].shape
+            check_array(f"out['{name}']", array, dtype, self._device, shape)
         return out
-
-    def _check_array(
-        self, name: str, array: Any, dtype: Any, shape: tuple[int, ...] | None
-    ) -> None:
-        """Refuse what is not a contiguous Warp array of a type and shape on the device."""
-        wanted = f"a wp.array of {dtype.__name__} on {self._device.alias}"
-        if not isinstance(array, wp.array):
-            raise InputError(f"{name} must be {wanted}, got {type(array).__name__}")
-        if array.dtype != dtype or array.device != self._device or not array.is_contiguous:
-            raise InputError(
-                f"{name} must be {wanted}, contiguous, got {array.dtype.__name__} on {array.device}"
-            )
-        if array.ndim != (1 if shape is None else len(shape)) or shape not in (None, array.shape):
-            raise InputError(f"{name} must have the shape {shape or '(N,)'}, got {array.shape}")
-
-
-def _pose(matrix: npt.NDArray[np.floating[Any]], view: int) -> Pose:
-    try:
-        return Pose.from_optical(matrix)
-    except InputError as error:
-        raise InputError(f"poses[{view}]: {error}") from error

@@ -57,6 +57,18 @@ def test_it_renders_what_render_does(device):
             assert renderer.depth_maps()[v].stats == alone.stats
 
 
+def test_depth_alone(device):
+    """Without the index the same depth, in half the Z-buffer; a DepthMap needs the index."""
+    points = upload(points_of(1), wp.vec3f, device)
+    alone = dw.Renderer(cameras(), max_points=2000, outputs=("depth",), device=device)
+    maps = alone.render(points)
+    both = dw.Renderer(cameras(), max_points=2000, device=device).render(points)
+    assert set(maps) == {"depth"}
+    np.testing.assert_array_equal(maps["depth"].numpy(), both["depth"].numpy())
+    with pytest.raises(InputError, match="ask for the outputs 'depth' and 'index'"):
+        alone.depth_maps()
+
+
 def test_poses_of_the_host_move_the_cameras(device):
     """Matrices as NumPy give the bits of cameras with those poses, and stay."""
     views, matrices = cameras(), poses(5, 3)

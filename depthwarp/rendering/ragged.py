@@ -1,0 +1,265 @@
+"""A plan for many clouds at once: views that each look at one of the clouds in one array."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from queue import SimpleQueue
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import warp as wp
+
+from depthwarp import arrays
+from depthwarp.depth_map import DepthMap, RenderStats, State
+from depthwarp.devices import check_memory, usable_cores
+from depthwarp.errors import InputError
+from depthwarp.filters import DeviceMaps
+from depthwarp.rendering.config import RenderConfig
+from depthwarp.rendering.views import DeviceViews, ViewPlan
+from depthwarp.threads import thread_pool
+from depthwarp_kernels import poses as pose_kernels
+from depthwarp_kernels import ragged, ragged_fused, splat
+from depthwarp_kernels.point_source import PLAIN
+
+__all__ = ["OUTPUTS", "RaggedPlan"]
+
+OUTPUTS: dict[str, Any] = {"depth": wp.float32, "index": wp.int32, "state": wp.uint8}
+"""What can be asked for, and its type on the device."""
+
+OUTPUT_BYTES = {"depth": 4, "index": 4, "state": 1}
+
+PARTS_A_THREAD = 8
+"""Groups of views that a thread takes one after the other, so that none waits long for the last."""
+
+LEAST_WORK = 100_000
+"""Points and pixels from which a second thread pays: some tenths of a millisecond."""
+
+
+class RaggedPlan:
+    """Owns the buffers of V views of one lens model and size; each draws a cloud of its own.
+
+    The clouds lie in one array of points, one behind the other. On a CPU a thread clears, draws and
+    resolves one view after the other in a key buffer that stays in its cache; threads share the
+    views. The result, bit for bit and count for count, is that of `RenderPlan` for each view and
+    its cloud alone, for any number of threads.
+
+    Args:
+        views: What to render, all of one camera model and image size, all with or all without
+            segmentation.
+        config: Depth kind, bounds and filters.
+        outputs: Which maps are written, names of `OUTPUTS`; no others are allocated, unless there
+            are filters, which work on all of them.
+        device: Warp device.
+        threads: Threads on a CPU; None for all cores that this process may use.
+
+    Attributes:
+        maps: The maps of the last `render`, shape (V, H, W); None for one that was not asked for.
+
+    Raises:
+        InputError: Views of different models or sizes, with and without segmentation, or none; or
+            a model without the kind of depth that is asked for.
+        CapacityError: The buffers do not fit the device.
+    """
+
+    def __init__(
+        self,
+        views: Sequence[ViewPlan],
+        config: RenderConfig,
+        outputs: Sequence[str],
+        device: Any,
+        threads: int | None = None,
+    ) -> None:
+        self._views = DeviceViews(views, config, device, culls=False)
+        self._cameras = [view.camera for view in views]
+        self._config, self._device = config, device
+        self._threads = 1 if device.is_cuda else threads or usable_cores()
+        written = frozenset(OUTPUTS if config.filters else outputs)
+        width, height = self._views.size
+        self._pixels = width * height
+        self._check_memory(written)
+        shape = (len(views), height, width)
+        own = {
+            name: arrays.zeros(shape, OUTPUTS[name], device) if name in written else None
+            for name in OUTPUTS
+        }
+        self.maps = DeviceMaps(**own)
+        self._flat = [
+            arrays.zeros((1, 1), OUTPUTS[name], device)  # kernels take no empty array
+            if array is None
+            else array.reshape((len(views), self._pixels))
+            for name, array in own.items()
+        ]
+        self._filters = [step.build(self.maps) for step in config.filters]
+        self._counts = arrays.zeros((len(views), ragged.RAGGED_COLUMNS), wp.int64, device)
+        self._keys = self._key_buffers()
+        self._no_points = arrays.zeros(1, wp.vec3f, device)
+        source = splat.SplatConfig(
+            PLAIN, self._views.model, config.depth, self._views.has_range_views
+        )
+        if device.is_cuda:
+            self._kernels = [ragged.ragged_kernel(source), ragged.resolve_kernel(written)]
+        else:
+            fused = ragged.RaggedConfig(source, written)
+            self._kernels = [ragged_fused.fused_kernel(fused)]
+        for kernel in self._kernels:
+            wp.load_module(kernel.module, device=device)
+
+    def render(self, points: Any, offsets: Any, cloud_of: Any, count: int | None = None) -> None:
+        """Draw into each view the cloud that it looks at.
+
+        It allocates nothing; on CUDA it does not synchronize and is graph-capture safe. On a CPU
+        all cores work, and it returns when they are done. The numbers of `offsets` and `cloud_of`
+        are not checked: a view of a cloud that there is not stays empty, and a cloud ends at
+        the latest with the points.
+
+        Args:
+            points: All clouds' points [m], `wp.array` of `wp.vec3f`, shape (N,).
+            offsets: First point of each cloud, and the end of the last, `wp.int32`, shape (C + 1,).
+            cloud_of: The cloud that each view looks at, `wp.int32`, shape (V,).
+            count: Draw only so many views, the first ones; the others' maps are left as they are.
+        """
+        views = self._views.count if count is None else count
+        number = points.shape[0]
+        clouds = [points if number else self._no_points, number, offsets, cloud_of]
+        if self._device.is_cuda:
+            self._draw_flat(clouds, views)
+        else:
+            self._draw_shared(clouds, views)
+        for step in self._filters:
+            step()
+
+    def look_from(self, views: Sequence[ViewPlan]) -> None:
+        """Look from elsewhere: as many views, of the same camera model and size.
+
+        Raises:
+            InputError: Another number of views, another model or size.
+        """
+        self._views.replace(views)
+        self._cameras = [view.camera for view in views]
+
+    def look_from_device(self, optical_from_world: Any) -> None:
+        """Look from poses that are on the device, `wp.array` of `wp.mat44f`, shape (V,)."""
+        views = self._views.arrays[0]
+        wp.launch(
+            pose_kernels.look_from,
+            dim=views.shape,
+            inputs=[optical_from_world],
+            outputs=[views],
+            device=self._device,
+        )
+
+    def depth_maps(self, count: int | None = None) -> list[DepthMap]:
+        """The maps of the last `render`, of all views or so many of the first.
+
+        Copied to the host; waits for the device. Each map owns its arrays.
+
+        Raises:
+            InputError: Depth and index were not both asked for.
+        """
+        maps = self.maps
+        if maps.depth is None or maps.index is None:
+            raise InputError("a DepthMap has an index: ask for the outputs 'depth' and 'index'")
+        depth, index = maps.depth.numpy(), maps.index.numpy()
+        # Without filters, which work on all maps, a pixel is measured where there is a winner.
+        if maps.state is None:
+            state = np.where(index >= 0, State.MEASURED, State.EMPTY).astype(np.uint8)
+        else:
+            state = maps.state.numpy()
+        counts = self._counts.numpy()
+        return [
+            DepthMap(
+                depth=depth[v].copy(),
+                index=index[v].copy(),
+                state=state[v].copy(),
+                camera=camera,
+                kind=self._config.depth,
+                min_range=self._config.min_range,
+                max_range=self._config.max_range,
+                stats=_stats(counts[v]),
+                filters=tuple(map(repr, self._config.filters)),
+            )
+            for v, camera in enumerate(self._cameras[:count])
+        ]
+
+    def _check_memory(self, written: frozenset[str]) -> None:
+        width, height = self._views.size
+        views, cuda = self._views.count, self._device.is_cuda
+        a_pixel = sum(OUTPUT_BYTES[name] for name in written)
+        a_pixel += sum(step.scratch_bytes for step in self._config.filters)
+        check_memory(
+            f"{views} depth maps of {width} x {height} pixels",
+            self._pixels * (views * a_pixel + 8 * (views if cuda else self._threads)),
+            self._device,
+            "render fewer views at a time, or smaller ones",
+        )
+
+    def _key_buffers(self) -> Any:
+        """On CUDA the keys of all views; on a CPU a queue of buffers, one for each thread."""
+        if self._device.is_cuda:
+            return arrays.empty((self._views.count, self._pixels), wp.uint64, self._device)
+        cells = (-(-self._pixels // ragged_fused.CELLS) + 1) * ragged_fused.CELLS
+        buffers: SimpleQueue[Any] = SimpleQueue()
+        for _ in range(self._threads):
+            buffers.put(arrays.empty(cells, wp.uint64, self._device))
+        return buffers
+
+    def _draw_flat(self, clouds: list[Any], views: int) -> None:
+        """On CUDA: so many threads a view, keys of all views in memory."""
+        draw, resolve = self._kernels
+        self._keys.fill_(splat.EMPTY_KEY)
+        self._counts.zero_()
+        wp.launch(
+            draw,
+            dim=(views, ragged.LANES),
+            inputs=[*self._views.arrays, *clouds],
+            outputs=[self._keys, self._counts],
+            device=self._device,
+            block_dim=ragged.LANES,
+        )
+        wp.launch(
+            resolve,
+            dim=(views, self._pixels),
+            inputs=[self._keys],
+            outputs=[*self._flat, self._counts],
+            device=self._device,
+        )
+
+    def _draw_shared(self, clouds: list[Any], views: int) -> None:
+        """On a CPU: groups of views, which the threads take one after the other."""
+
+        def draw(first: int, end: int) -> None:
+            keys = self._keys.get()
+            try:
+                wp.launch(
+                    self._kernels[0],
+                    dim=end - first,
+                    inputs=[*self._views.arrays, *clouds, first],
+                    outputs=[keys, *self._flat, self._counts],
+                    device=self._device,
+                )
+            finally:
+                self._keys.put(keys)
+
+        work = clouds[1] + views * self._pixels
+        if self._threads == 1 or views == 1 or work < LEAST_WORK:
+            draw(0, views)
+            return
+        parts = min(views, self._threads * PARTS_A_THREAD)
+        bounds = [views * part // parts for part in range(parts + 1)]
+        list(thread_pool(self._threads).map(draw, bounds[:-1], bounds[1:]))
+
+
+def _stats(counts: npt.NDArray[np.int64]) -> RenderStats:
+    """What became of the points of one view, from its row of counts."""
+    not_finite, behind, outside, too_far, too_near, drawn, total = counts.tolist()
+    return RenderStats(
+        total=total,
+        not_finite=not_finite,
+        behind=behind,
+        outside=outside,
+        too_far=too_far,
+        too_near=too_near,
+        hidden=total - (not_finite + behind + outside + too_far + too_near + drawn),
+        drawn=drawn,
+    )

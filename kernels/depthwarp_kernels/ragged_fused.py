@@ -1,0 +1,176 @@
+"""Views of many small clouds on CPUs: clear, project, scatter, resolve, while an image is in cache.
+
+One thread draws one view after the other into the same small key buffer. Same bits and counts as
+`splat`. The loops of fixed length have no branches, so that a CPU works on several points at once.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from depthwarp_kernels.options import EXACT
+from depthwarp_kernels.ragged import TOTAL, RaggedConfig, cell_function, span_of
+from depthwarp_kernels.splat import (
+    BEHIND,
+    DRAWN,
+    EMPTY_KEY,
+    NOT_FINITE,
+    OUTSIDE,
+    TOO_FAR,
+    TOO_NEAR,
+    SplatConfig,
+    reason_function,
+)
+from depthwarp_kernels.view import View, pixel_of
+
+BLOCK = 128
+"""Points that are projected together: less is wasted on the end of a cloud than with many."""
+
+CELLS = 64
+"""Pixels that are cleared and resolved together; and spare cells behind the image, see
+`splat_blocks`."""
+
+# How many points are not drawn, by reason: the columns of `counts` up to DRAWN.
+Dropped = wp.types.vector(length=5, dtype=wp.int32)
+
+
+# The one minimum a point in which it all ends. Written in C: of an indexed array, generated code
+# asks each time whether the index is negative.
+@wp.func_native(f"""
+    for (int k = 0; k < {BLOCK}; ++k) {{
+        const uint32_t depth = reinterpret_cast<const uint32_t*>(depths.data)[k];
+        const uint64_t key = uint64_t(depth) << 32 | uint32_t(rank + k);
+        uint64_t& nearest = keys_out.data[cells.data[k]];
+        const uint64_t before = nearest;
+        nearest = key < before ? key : before;
+    }}
+""")
+def keep_nearest(
+    cells: wp.array[wp.int32],
+    depths: wp.array[wp.float32],
+    rank: wp.int32,
+    keys_out: wp.array[wp.uint64],
+):
+    """Put the key of each point of a block into its cell if it is the smaller one."""
+
+
+@wp.func
+def clear_image(pixels: wp.int32, keys_out: wp.array[wp.uint64]):
+    """Empty the keys of an image."""
+    for block in range((pixels + wp.static(CELLS - 1)) / wp.static(CELLS)):
+        for k in range(wp.static(CELLS)):
+            keys_out[block * wp.static(CELLS) + k] = wp.uint64(EMPTY_KEY)
+
+
+@cache
+def draw_function(config: SplatConfig):
+    """The function that draws the points from `begin` to `end` into the keys of one image.
+
+    It returns how many were not drawn, and why. The first of them has the index `rank`.
+    """
+    depth_of = config.depth_of
+    Lens = config.lens.struct
+    place, project = config.lens.place, config.lens.project
+    reason_of = reason_function(config)
+
+    @wp.func
+    def draw_points(
+        view: View,
+        lens: Lens,
+        tables: wp.array[wp.float32],
+        points_world: wp.array[wp.vec3f],
+        begin: wp.int32,
+        end: wp.int32,
+        rank: wp.int32,
+        keys_out: wp.array[wp.uint64],
+    ):
+        x = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+        y = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+        z = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+        cells = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.int32)
+        depths = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+        nowhere = view.width * view.height
+        not_finite = int(0)
+        behind = int(0)
+        outside = int(0)
+        too_far = int(0)
+        too_near = int(0)
+        for block in range((end - begin + wp.static(BLOCK - 1)) / wp.static(BLOCK)):
+            first = begin + block * wp.static(BLOCK)
+            held = wp.min(end - first, wp.static(BLOCK))
+            # What fills up the last block is not finite, and no point.
+            not_finite += held - wp.static(BLOCK)
+            for k in range(wp.static(BLOCK)):
+                point = points_world[wp.min(first + k, end - 1)]
+                x[k] = wp.where(k < held, point[0], wp.nan)
+                y[k] = point[1]
+                z[k] = point[2]
+            for k in range(wp.static(BLOCK)):
+                p = place(view, lens, tables, wp.vec3f(x[k], y[k], z[k]))
+                pixel = pixel_of(project(lens, tables, p))
+                depth = depth_of(lens, p)
+                why = reason_of(view, p, pixel, depth)
+                not_finite += wp.where(why == NOT_FINITE, 1, 0)
+                behind += wp.where(why == BEHIND, 1, 0)
+                outside += wp.where(why == OUTSIDE, 1, 0)
+                too_far += wp.where(why == TOO_FAR, 1, 0)
+                too_near += wp.where(why == TOO_NEAR, 1, 0)
+                cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
+                cells[k] = wp.where(why == DRAWN, cell, nowhere + (k & wp.static(CELLS - 1)))
+                depths[k] = depth
+            keep_nearest(cells, depths, rank + (first - begin), keys_out)
+        return Dropped(not_finite, behind, outside, too_far, too_near)
+
+    return draw_points
+
+
+@cache
+def fused_kernel(config: RaggedConfig):
+    """Kernel that draws views from `first` on, one after the other; launch over the views.
+
+    Arrays of maps that are not among the outputs are not written. None of the arrays may be empty.
+    """
+    Lens = config.splat.lens.struct
+    draw_points = draw_function(config.splat)
+    resolve_cell = cell_function(config.outputs)
+
+    @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
+    def draw_views(
+        # In:
+        views: wp.array[View],
+        lenses: wp.array[Lens],
+        tables: wp.array[wp.float32],
+        points_world: wp.array[wp.vec3f],
+        points: wp.int32,
+        offsets: wp.array[wp.int32],
+        cloud_of: wp.array[wp.int32],
+        first: wp.int32,
+        # Out:
+        keys_out: wp.array[wp.uint64],
+        depth_out: wp.array2d[wp.float32],
+        index_out: wp.array2d[wp.int32],
+        state_out: wp.array2d[wp.uint8],
+        counts_out: wp.array2d[wp.int64],
+    ):
+        v = first + wp.tid()
+        view = views[v]
+        pixels = view.width * view.height
+        span = span_of(offsets, cloud_of[v], points)
+        begin = span[0]
+        end = span[1]
+        clear_image(pixels, keys_out)
+        dropped = draw_points(view, lenses[v], tables, points_world, begin, end, 0, keys_out)
+        drawn = int(0)
+        whole = pixels - pixels % wp.static(CELLS)
+        for block in range(whole / wp.static(CELLS)):
+            for k in range(wp.static(CELLS)):
+                cell = block * wp.static(CELLS) + k
+                drawn += resolve_cell(keys_out[cell], v, cell, depth_out, index_out, state_out)
+        for cell in range(whole, pixels):
+            drawn += resolve_cell(keys_out[cell], v, cell, depth_out, index_out, state_out)
+        for reason in range(5):
+            counts_out[v, reason] = wp.int64(dropped[reason])
+        counts_out[v, DRAWN] = wp.int64(drawn)
+        counts_out[v, TOTAL] = wp.int64(end - begin)
+
+    return draw_views
