@@ -16,8 +16,8 @@ from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.points import Points
 from depthwarp.rendering.views import DeviceViews
 from depthwarp.threads import thread_pool
+from depthwarp_kernels import cull_blocks, splat, splat_blocks
 from depthwarp_kernels import resolve as resolving
-from depthwarp_kernels import splat, splat_blocks
 from depthwarp_kernels.point_source import BLOCK, PointSource
 
 __all__ = ["CpuSplatter"]
@@ -242,7 +242,7 @@ class CpuSplatter:
             kernels = _Kernels(
                 splat.splat_kernel(config),
                 splat_blocks.block_kernel(config),
-                splat_blocks.cull_kernel(config) if is_prepared else None,
+                cull_blocks.cull_kernel(config) if is_prepared else None,
             )
             for kernel in filter(None, (kernels.points, kernels.blocks, kernels.cull)):
                 wp.load_module(kernel.module, device=self._device)

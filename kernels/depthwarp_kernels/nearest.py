@@ -4,9 +4,13 @@ Written in C: of an indexed array, generated code asks each time whether the ind
 it cannot fetch memory ahead. A key is as in `splat`, with the row of the point or the depth alone.
 """
 
+from functools import cache
+
 import warp as wp
 
+from depthwarp_kernels.packed_points import PACKED
 from depthwarp_kernels.point_source import BLOCK
+from depthwarp_kernels.splat import SplatConfig
 
 
 # Blocks in view lie apart in memory, so no processor guesses the next one: line by line, of 16
@@ -119,3 +123,44 @@ def keep_nearest_depth_of_block(
     keys_out: wp.array[wp.uint32],
 ):
     """The same, their depths alone."""
+
+
+@cache
+def keep_function(config: SplatConfig):
+    """The function that keeps the nearest of a block's points in each cell, one of the above."""
+    is_prepared = config.source.sphere_of is not None
+    is_packed = config.source is PACKED
+    with_index = config.with_index
+    Word = wp.uint32 if is_packed else wp.float32
+    Key = config.key_type
+
+    @wp.func
+    def keep(
+        cells: wp.array[wp.int32],
+        depths: wp.array[wp.float32],
+        x: wp.array[Word],
+        y: wp.array[Word],
+        z: wp.array[Word],
+        original: wp.array[wp.int32],
+        begin: wp.int32,
+        next: wp.int32,
+        next_second: wp.int32,
+        keys_out: wp.array[Key],
+    ):
+        """Keep the nearest point of each cell."""
+        if wp.static(is_packed and with_index):
+            keep_nearest_of_packed(
+                cells, depths, x, y, original, begin, next, next_second, keys_out
+            )
+        elif wp.static(is_packed):
+            keep_nearest_depth_of_packed(cells, depths, x, y, next, next_second, keys_out)
+        elif wp.static(is_prepared and with_index):
+            keep_nearest_of_block(cells, depths, x, y, z, original, begin, next, keys_out)
+        elif wp.static(is_prepared):
+            keep_nearest_depth_of_block(cells, depths, x, y, z, next, keys_out)
+        elif wp.static(with_index):
+            keep_nearest(cells, depths, begin, keys_out)
+        else:
+            keep_nearest_depth(cells, depths, keys_out)
+
+    return keep

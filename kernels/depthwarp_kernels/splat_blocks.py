@@ -8,25 +8,10 @@ from functools import cache
 
 import warp as wp
 
-from depthwarp_kernels.nearest import (
-    keep_nearest,
-    keep_nearest_depth,
-    keep_nearest_depth_of_block,
-    keep_nearest_depth_of_packed,
-    keep_nearest_of_block,
-    keep_nearest_of_packed,
-)
+from depthwarp_kernels.nearest import keep_function
 from depthwarp_kernels.options import EXACT
 from depthwarp_kernels.packed_points import PACKED, PackedBlock, decode, unpack_long, unpack_short
-from depthwarp_kernels.point_source import (
-    ALL_BEHIND,
-    ALL_DRAWN,
-    ALL_OUTSIDE,
-    BLOCK,
-    GROUP,
-    NONE_IN_VIEW,
-    SEEN,
-)
+from depthwarp_kernels.point_source import BLOCK
 from depthwarp_kernels.splat import (
     BEHIND,
     DRAWN,
@@ -36,9 +21,8 @@ from depthwarp_kernels.splat import (
     TOO_NEAR,
     SplatConfig,
     reason_function,
-    verdict_function,
 )
-from depthwarp_kernels.view import View, pixel_of, to_camera
+from depthwarp_kernels.view import View, pixel_of
 
 # What is not drawn goes into spare cells behind the image: a branch there costs more than a store,
 # and several cells more than one, since a store has to wait for the one before it.
@@ -49,93 +33,6 @@ SPARE_CELLS = wp.constant(64)
 def first_of(entry: wp.int32):
     """First point of a block by its entry in the list: b, or -1 - b where every point is drawn."""
     return wp.where(entry < 0, -1 - entry, entry) * wp.static(BLOCK)
-
-
-@cache
-def cull_kernel(config: SplatConfig):
-    """Kernel, for one thread, that lists the blocks a view may see and counts the others' points.
-
-    The cloud holds `count` points. A block b of which every point is drawn is listed as -1 - b.
-    """
-    Source = config.source.struct
-    sphere_of, group_of = config.source.sphere_of, config.source.group_of
-    verdict_of = verdict_function(config)
-    point_at, is_packed = config.source.point_at, config.source is PACKED
-    Word = wp.uint32 if is_packed else wp.float32
-
-    @wp.func
-    def points_ahead(
-        view: View,
-        source: Source,
-        x: wp.array[Word],
-        y: wp.array[Word],
-        z: wp.array[Word],
-        begin: wp.int32,
-    ):
-        """Points of a block with X > 0; what fills up the last block has no X."""
-        ahead = int(0)
-        for k in range(wp.static(BLOCK)):
-            if wp.static(is_packed):
-                point = point_at(source, begin + k)
-            else:
-                point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
-            p = to_camera(point, view.rotation, view.position, view.shift)
-            ahead += wp.where(p[0] > 0.0, 1, 0)
-        return ahead
-
-    @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
-    def cull_blocks(
-        # In:
-        views: wp.array[View],
-        v: wp.int32,
-        source: Source,
-        x: wp.array[Word],
-        y: wp.array[Word],
-        z: wp.array[Word],
-        count: wp.int32,
-        # Out:
-        seen_out: wp.array[wp.int32],
-        length_out: wp.array[wp.int32],
-        counts_out: wp.array[wp.int64],
-    ):
-        view = views[v]
-        length = int(0)
-        behind = int(0)
-        outside = int(0)
-        blocks = (count + wp.static(BLOCK - 1)) / wp.static(BLOCK)
-        for group in range((blocks + wp.static(GROUP - 1)) / wp.static(GROUP)):
-            begin = group * wp.static(GROUP)
-            end = wp.min(begin + wp.static(GROUP), blocks)
-            held = wp.min(end * wp.static(BLOCK), count) - begin * wp.static(BLOCK)
-            of_group = verdict_of(view, group_of(source, group))
-            if of_group == ALL_BEHIND:
-                behind += held
-                begin = end
-            elif of_group == ALL_OUTSIDE:
-                outside += held
-                begin = end
-            for block in range(begin, end):
-                verdict = of_group
-                if of_group != ALL_DRAWN:
-                    verdict = verdict_of(view, sphere_of(source, block))
-                held = wp.min(wp.static(BLOCK), count - block * wp.static(BLOCK))
-                if verdict == ALL_DRAWN and held == wp.static(BLOCK):
-                    seen_out[length] = -1 - block
-                    length += 1
-                elif verdict == SEEN or verdict == ALL_DRAWN:
-                    seen_out[length] = block
-                    length += 1
-                else:
-                    ahead = wp.where(verdict == ALL_OUTSIDE, held, 0)
-                    if verdict == NONE_IN_VIEW:
-                        ahead = points_ahead(view, source, x, y, z, block * wp.static(BLOCK))
-                    behind += held - ahead
-                    outside += ahead
-        length_out[0] = length
-        counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(behind)
-        counts_out[OUTSIDE] = counts_out[OUTSIDE] + wp.int64(outside)
-
-    return cull_blocks
 
 
 @cache
@@ -156,37 +53,8 @@ def block_kernel(config: SplatConfig):
     Lens = config.lens.struct
     place, project = config.lens.place, config.lens.project
     reason_of = reason_function(config)
+    keep = keep_function(config)
     Key = config.key_type
-    with_index = config.with_index
-
-    @wp.func
-    def keep(
-        cells: wp.array[wp.int32],
-        depths: wp.array[wp.float32],
-        x: wp.array[Word],
-        y: wp.array[Word],
-        z: wp.array[Word],
-        original: wp.array[wp.int32],
-        begin: wp.int32,
-        next: wp.int32,
-        next_second: wp.int32,
-        keys_out: wp.array[Key],
-    ):
-        """Keep the nearest point of each cell."""
-        if wp.static(is_packed and with_index):
-            keep_nearest_of_packed(
-                cells, depths, x, y, original, begin, next, next_second, keys_out
-            )
-        elif wp.static(is_packed):
-            keep_nearest_depth_of_packed(cells, depths, x, y, next, next_second, keys_out)
-        elif wp.static(is_prepared and with_index):
-            keep_nearest_of_block(cells, depths, x, y, z, original, begin, next, keys_out)
-        elif wp.static(is_prepared):
-            keep_nearest_depth_of_block(cells, depths, x, y, z, next, keys_out)
-        elif wp.static(with_index):
-            keep_nearest(cells, depths, begin, keys_out)
-        else:
-            keep_nearest_depth(cells, depths, keys_out)
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
     def splat_blocks(

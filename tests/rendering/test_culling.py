@@ -14,7 +14,7 @@ from depthwarp.errors import InputError
 from depthwarp.rendering import RenderConfig, ViewPlan
 from depthwarp.rendering.points import points_of
 from depthwarp.rendering.views import DeviceViews
-from depthwarp_kernels import splat_blocks
+from depthwarp_kernels import cull_blocks
 from depthwarp_kernels.point_source import BLOCK
 from depthwarp_kernels.splat import BEHIND, COUNT_COLUMNS, OUTSIDE, SplatConfig
 from tests.cameras.device_cull import device_meeting
@@ -192,7 +192,7 @@ def seen_blocks(
     length = wp.zeros(1, dtype=wp.int32, device=chunks.device)
     counts = wp.zeros(COUNT_COLUMNS, dtype=wp.int64, device=chunks.device)
     wp.launch(
-        splat_blocks.cull_kernel(SplatConfig(points.source, views.model, depth, False)),
+        cull_blocks.cull_kernel(SplatConfig(points.source, views.model, depth, False)),
         dim=1,
         inputs=[views.arrays[0], 0, points.arrays, *points.block_arrays[:3], points.count],
         outputs=[seen, length, counts],

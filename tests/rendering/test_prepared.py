@@ -231,11 +231,10 @@ def test_the_camera_of_a_range_view_sees_a_prepared_cloud(device):
     assert dw.render(cloud.prepare(device=device), camera, device=device).stats.drawn > 0
 
 
-def cuda_splatter(views: DeviceViews, config: RenderConfig, with_index: bool) -> CudaSplatter:
+def cuda_splatter(views: DeviceViews, config: RenderConfig) -> CudaSplatter:
     """What a plan makes on CUDA, here on the CPU."""
     width, height = views.size
-    key_type = wp.uint64 if with_index else wp.uint32
-    keys = wp.empty((views.count, width * height), dtype=key_type, device="cpu")
+    keys = wp.empty((views.count, width * height), dtype=wp.uint64, device="cpu")
     counts = wp.empty((views.count, COUNT_COLUMNS), dtype=wp.int64, device="cpu")
     return CudaSplatter(views, config.depth, keys, counts, groups=5)
 
@@ -253,9 +252,7 @@ def test_a_plan_with_the_splat_for_cuda(monkeypatch, model):
         with monkeypatch.context() as patch:
             patch.setattr(
                 "depthwarp.rendering.plan.splatter_of",
-                lambda views, config, device, **how: cuda_splatter(
-                    views, config, how["with_index"]
-                ),
+                lambda views, config, device, **how: cuda_splatter(views, config),
             )
             assert_same_map(dw.render(chunks, camera, device="cpu"), expected)
 

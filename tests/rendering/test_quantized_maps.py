@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 
 import depthwarp as dw
 from depthwarp.rendering import RenderConfig, RenderPlan, ViewPlan
-from depthwarp.rendering.cuda_splatting import CudaSplatter
 from depthwarp_kernels.point_source import BLOCK
 from tests.cameras.models import cameras_of
 from tests.rendering.clumps import assert_same_map, clumps
 from tests.rendering.quantizing import BOUNDS, assert_quantized, planes_of, three_kinds
-from tests.rendering.test_prepared import room
+from tests.rendering.test_prepared import cuda_splatter, room
 
 CAMERA = dw.PinholeCamera.from_fov((90, 70), (40, 30), (0.5, 0.2, 0.1), (3, 4, 30))
 
@@ -69,15 +68,13 @@ def test_any_number_of_points(device, size):
     )
 
 
-def test_points_one_by_one(monkeypatch):
-    """The kernel of a device without blocks, one thread a point, here on the CPU: the same."""
+def test_a_plan_with_the_splat_for_cuda(monkeypatch):
+    """Its kernels run on a CPU too, and draw the same map with the same counts."""
     chunks = assert_quantized(three_kinds(), 1e-4)
     expected = dw.render(chunks, CAMERA, device="cpu", max_range=math.inf)
     monkeypatch.setattr(
         "depthwarp.rendering.plan.splatter_of",
-        lambda views, config, device, **how: CudaSplatter(
-            views, config, device, with_index=how["with_index"]
-        ),
+        lambda views, config, device, **how: cuda_splatter(views, config),
     )
     assert_same_map(dw.render(chunks, CAMERA, device="cpu", max_range=math.inf), expected)
 
