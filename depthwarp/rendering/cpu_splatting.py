@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import warp as wp
 
 from depthwarp import arrays
 from depthwarp.rendering.config import RenderConfig
+from depthwarp.rendering.occlusion import Occlusion
 from depthwarp.rendering.points import Points
 from depthwarp.rendering.views import DeviceViews
 from depthwarp.threads import thread_pool
@@ -124,19 +126,34 @@ class CpuSplatter:
 
     def _draw_view(self, kernels: _Kernels, points: Points, view: int) -> None:
         """Draw one view with one thread."""
-        seen, count = self._cull(kernels, points, view)
-        self._draw_blocks(kernels, points, view, 0, seen, (0, count))
+        for seen, count in self._rounds(kernels, points, view):
+            self._draw_blocks(kernels, points, view, 0, seen, (0, count))
 
     def _draw_together(self, kernels: _Kernels, points: Points, view: int) -> None:
         """Draw one view with all threads, each into a buffer of its own."""
+        for seen, count in self._rounds(kernels, points, view):
+            parts = _Shared(_pieces(count, self._threads * PARTS_A_THREAD))
+            self._share(partial(self._draw_parts, kernels, points, view, seen, parts))
+
+    def _draw_parts(
+        self,
+        kernels: _Kernels,
+        points: Points,
+        view: int,
+        seen: Any,
+        parts: Iterable[tuple[int, int]],
+        thread: int,
+    ) -> None:
+        """Work of a thread: parts of a list, into its own buffer."""
+        for part in parts:
+            self._draw_blocks(kernels, points, view, thread, seen, part)
+
+    def _rounds(self, kernels: _Kernels, points: Points, view: int) -> Iterable[tuple[Any, int]]:
+        """Lists of blocks to draw one after the other, and their lengths."""
         seen, count = self._cull(kernels, points, view)
-        parts = _Shared(_pieces(count, self._threads * PARTS_A_THREAD))
-
-        def draw(thread: int) -> None:
-            for part in parts:
-                self._draw_blocks(kernels, points, view, thread, seen, part)
-
-        self._share(draw)
+        if kernels.occlusion is None:
+            return [(seen, count)]
+        return kernels.occlusion.rounds(points.arrays, view, seen, count)
 
     def _cull(self, kernels: _Kernels, points: Points, view: int) -> tuple[Any, int]:
         """Which blocks a view may see and their number; counts the points of the others."""
@@ -243,6 +260,9 @@ class CpuSplatter:
                 splat.splat_kernel(config),
                 splat_blocks.block_kernel(config),
                 cull_blocks.cull_kernel(config) if is_prepared else None,
+                Occlusion(self._views, config, self._keys, self._device)
+                if is_prepared and config.lens.bounds is not None
+                else None,
             )
             for kernel in filter(None, (kernels.points, kernels.blocks, kernels.cull)):
                 wp.load_module(kernel.module, device=self._device)
@@ -258,11 +278,12 @@ class CpuSplatter:
 
 @dataclass(frozen=True)
 class _Kernels:
-    """For single points, for blocks, and which blocks are in view (of prepared clouds)."""
+    """For single points, for blocks, and which blocks are in view and not hidden, if prepared."""
 
     points: Any
     blocks: Any
     cull: Any
+    occlusion: Occlusion | None
 
 
 def _pieces(count: int, pieces: int) -> list[tuple[int, int]]:

@@ -66,6 +66,9 @@ class LensModel:
             camera frame may be in view, by `view.limits`.
         inside: The same for a sphere that is in the image, in the model's domain and ahead, all of
             it; None for models that never say so.
+        bounds: `wp.func (lens, center, radius) -> vec4f`: least column and row, greatest column and
+            row [px] of a sphere that is ahead by 1.5 times its radius or more; None where nobody
+            knows.
     """
 
     struct: Any
@@ -75,3 +78,4 @@ class LensModel:
     place: Any = place_still
     may_meet: Any = may_meet_all
     inside: Any = None
+    bounds: Any = None

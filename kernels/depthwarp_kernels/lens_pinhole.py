@@ -24,8 +24,35 @@ def project_pinhole(lens: PinholeLens, tables: wp.array[wp.float32], p: wp.vec3f
     return wp.vec3f(lens.cx - lens.fx * (p[1] / p[0]), lens.cy - lens.fy * (p[2] / p[0]), 1.0)
 
 
+@wp.func
+def slopes_of(x: wp.float32, across: wp.float32, radius: wp.float32):
+    """Least and greatest across / x in a sphere: those of the tangents through the camera."""
+    middle = x * across
+    reach = radius * wp.sqrt(wp.max(x * x + across * across - radius * radius, 0.0))
+    below = x * x - radius * radius
+    return wp.vec2f((middle - reach) / below, (middle + reach) / below)
+
+
+@wp.func
+def bounds_pinhole(lens: PinholeLens, center: wp.vec3f, radius: wp.float32):
+    """Least column and row, greatest column and row of a sphere ahead."""
+    left = slopes_of(center[0], center[1], radius)
+    up = slopes_of(center[0], center[2], radius)
+    return wp.vec4f(
+        lens.cx - lens.fx * left[1],
+        lens.cy - lens.fy * up[1],
+        lens.cx - lens.fx * left[0],
+        lens.cy - lens.fy * up[0],
+    )
+
+
 PINHOLE = LensModel(
-    PinholeLens, project_pinhole, ahead_only=True, may_meet=may_meet_planes, inside=inside_planes
+    PinholeLens,
+    project_pinhole,
+    ahead_only=True,
+    may_meet=may_meet_planes,
+    inside=inside_planes,
+    bounds=bounds_pinhole,
 )
 
 

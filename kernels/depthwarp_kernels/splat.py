@@ -139,20 +139,32 @@ def reason_function(config: SplatConfig):
     return reason_of
 
 
+@cache
+def center_depth_function(config: SplatConfig):
+    """The function (center) that measures the depth of a sphere's centre."""
+
+    @wp.func
+    def center_depth(center: wp.vec3f):
+        if wp.static(config.depth_of is range_from_center):
+            return wp.length(center)
+        else:
+            return center[0]
+
+    return center_depth
+
+
 # A block that cannot be in view is counted as its points would be one by one: behind if all of it
 # is, outside if all of it is ahead, and else each by its side of the camera's plane.
 @cache
 def verdict_function(config: SplatConfig):
     """The function (view, sphere) that says what is to be done with the points in a sphere."""
     may_meet, inside = config.lens.may_meet, config.lens.inside
+    center_depth = center_depth_function(config)
 
     @wp.func
     def in_bounds(view: View, center: wp.vec3f, radius: wp.float32):
         """Whether all depths in a sphere lie between min_range and max_range."""
-        if wp.static(config.depth_of is range_from_center):
-            depth = wp.length(center)
-        else:
-            depth = center[0]
+        depth = center_depth(center)
         margin = radius + DEPTH_ROUNDING * depth
         return depth - margin > view.min_range and depth + margin < view.max_range
 
