@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 
 import depthwarp
+from depthwarp.devices import usable_cores
 
 __all__ = ["Timing", "alternate", "machine", "read_bandwidth", "run_once"]
 
@@ -34,6 +35,10 @@ class Timing:
         """Lower quartile, median and upper quartile of `amount` a second."""
         slow, middle, fast = np.percentile(self.wall_s, (75, 50, 25))
         return float(amount / slow), float(amount / middle), float(amount / fast)
+
+    def times_as_fast_as(self, other: Timing) -> float:
+        """Median over the rounds of the other's time over this one's; both ran in turn."""
+        return float(np.median(np.divide(other.wall_s, self.wall_s)))
 
     @property
     def busy_cores(self) -> float:
@@ -61,33 +66,32 @@ def alternate(runs: Sequence[Callable[[], None]], repeats: int) -> list[Timing]:
     return [Timing(*zip(*own, strict=True)) for own in times]
 
 
-def read_bandwidth() -> float:
-    """Bytes a second that one thread reads from memory: the best of several sums of an array.
+def read_bandwidth(threads: int = 1) -> float:
+    """Bytes a second that so many threads read from memory: the best of several sums of an array.
 
-    The array is 512 MiB of int64, far beyond the caches; NumPy sums integers on one thread with
-    vector instructions, so that memory is what it waits for.
+    The array is 512 MiB of int64, far beyond the caches, and each thread sums a part of its own;
+    NumPy sums integers with vector instructions, so that memory is what it waits for.
     """
-    values = np.ones(READ_BYTES // 8, dtype=np.int64)
-    return READ_BYTES / min(run_once(values.sum)[0] for _ in range(READ_REPEATS))
+    parts = np.array_split(np.ones(READ_BYTES // 8, dtype=np.int64), threads)
+    with ThreadPoolExecutor(threads) as pool:
+
+        def read() -> None:
+            list(pool.map(np.sum, parts))
+
+        return READ_BYTES / min(run_once(read)[0] for _ in range(READ_REPEATS))
 
 
 def machine() -> dict[str, object]:
     """Processor, cores and versions: what a figure depends on besides the code."""
     return {
         "processor": _processor(),
-        "cores": _usable_cores(),
+        "cores": usable_cores(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "numpy": np.__version__,
         "warp": wp.__version__,
         "depthwarp": depthwarp.__version__,
     }
-
-
-def _usable_cores() -> int | None:
-    if hasattr(os, "sched_getaffinity"):  # Linux: `taskset` limits them
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count()
 
 
 def _processor() -> str:

@@ -6,13 +6,10 @@ from typing import Any
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-import depthwarp as dw
+from benchmarks.peers import Float32Array, OneByOne
 
 __all__ = ["Numba"]
-
-Float32Array = npt.NDArray[np.float32]
 
 
 @numba.njit(fastmath=False)
@@ -30,30 +27,17 @@ def draw(points: Any, matrix: Any, width: int, height: int, max_range: float, ne
             nearest[row, column] = min(nearest[row, column], depth)
 
 
-class Numba:
+class Numba(OneByOne):
     """The loop above, on one thread."""
 
     name = "numba"
     version = numba.__version__
     device = "cpu"
 
-    def prepare(
-        self, points_world: Float32Array, camera: dw.PinholeCamera, max_range: float
-    ) -> None:
-        """Points, and one matrix for pose, lens and the half pixel."""
-        to_corner = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])  # pixel corners at integers
-        transform = to_corner @ camera.K @ camera.pose.optical_from_world[:3]
-        self._matrix = transform.astype(np.float32)
-        self._points, self._size, self._max_range = points_world, camera.size, max_range
-
-    def run(self) -> None:
+    def draw(self, view: Any) -> Float32Array:
         """Draw one image."""
-        width, height = self._size
+        matrix, (width, height) = view
         nearest = np.full((height, width), np.inf, dtype=np.float32)
-        draw(self._points, self._matrix, width, height, np.float32(self._max_range), nearest)
+        draw(self._points, matrix, width, height, np.float32(self._max_range), nearest)
         nearest[np.isinf(nearest)] = 0
-        self._depth = nearest
-
-    def image(self) -> Float32Array:
-        """The image of the last run [m]."""
-        return self._depth
+        return nearest

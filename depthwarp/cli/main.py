@@ -9,6 +9,7 @@ import typer
 
 import depthwarp
 from depthwarp.cli.batch import batch
+from depthwarp.cli.bench import bench
 from depthwarp.cli.calibrate import calibrate
 from depthwarp.cli.demo import demo
 from depthwarp.cli.doctor import doctor
@@ -35,6 +36,7 @@ app.command()(scan)
 app.command()(replay)
 app.command()(calibrate)
 app.command()(doctor)
+app.command()(bench)
 
 
 def _print_version(wanted: bool) -> None:
