@@ -8,8 +8,10 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 demo: .venv/ready ## Simulated scan -> cloud -> depth maps -> the paper's figures, in demo/
 	$(BIN)/depthwarp demo --out demo
 
+# A file's tests share what one of them has set up, so files go to the processes as wholes. More than
+# four processes would take the machine from the tests that use all its cores.
 test: .venv/ready ## All tests but those that need Open3D
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 lint: .venv/lint-ready ## Style, types
 	$(BIN)/ruff check .
@@ -40,8 +42,8 @@ bench: .venv/peers-ready ## Splat speed beside Open3D and NumPy
 
 lock: ## Pin the newest versions again (needs uv)
 	uv lock --quiet --upgrade
-	uv export --quiet --no-header --no-emit-project --extra viz --group test -o requirements/test.txt
-	uv export --quiet --no-header --no-emit-project --extra viz --group test --group lint -o requirements/lint.txt
+	uv export --quiet --no-header --no-emit-project --extra viz --extra zarr --group test -o requirements/test.txt
+	uv export --quiet --no-header --no-emit-project --extra viz --extra zarr --group test --group lint -o requirements/lint.txt
 
 clean: ## Remove what the targets made
 	rm -rf .venv demo .mypy_cache .pytest_cache .ruff_cache .hypothesis

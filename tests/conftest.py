@@ -1,8 +1,9 @@
-"""What all tests share: the devices, the pace of hypothesis, and the folder of real scans."""
+"""What all tests share: signals, devices, the pace of hypothesis, the folder of real scans."""
 
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,13 @@ from hypothesis import HealthCheck, settings
 
 wp.config.log_level = wp.LOG_WARNING
 wp.init()
+
+# A shell that starts the tests in the background lets them ignore Ctrl-C and Ctrl-backslash, and so
+# would do the programs that are ended by them here.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGQUIT") and signal.getsignal(signal.SIGQUIT) is signal.SIG_IGN:
+    signal.signal(signal.SIGQUIT, signal.SIG_DFL)
 
 DEVICES = ["cpu", *(device.alias for device in wp.get_cuda_devices())]
 

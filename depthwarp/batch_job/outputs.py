@@ -1,12 +1,11 @@
-"""What a batch becomes: a folder with one 16-bit PNG a view, or one NPZ."""
+"""What a batch becomes: here a folder with one 16-bit PNG a view."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -64,29 +63,40 @@ class Output(ABC):
     def write(
         self, numbers: Sequence[int], maps: Sequence[DepthMap], wrote: Callable[[DepthMap], None]
     ) -> None:
-        """Write views, in order; each is whole before it counts.
+        """Write views, in order; they count when all of them are on the disk.
+
+        Where a full disk ends it, the views before that count.
 
         Args:
             numbers: Of the views.
             maps: Their depth maps.
-            wrote: Called with each map after it.
+            wrote: Called with each map, when they count.
 
         Raises:
             InputError: The disk is full.
         """
+        whole: list[Entry] = []
         with disk_errors(self.path):
-            for number, depth_map, entry in zip(
-                numbers, maps, self._put_all(numbers, maps), strict=True
-            ):
-                self.work.record(self._entry(number, depth_map) | entry)
-                wrote(depth_map)
+            try:
+                for number, depth_map, entry in zip(
+                    numbers, maps, self._put_all(numbers, maps), strict=True
+                ):
+                    whole.append(self._entry(number, depth_map) | entry)
+            finally:
+                self.work.record(whole, self._made_of(whole))
+        for depth_map in maps:
+            wrote(depth_map)
 
     def finish(self) -> None:  # noqa: B027
         """All views are written."""
 
     @abstractmethod
-    def _put_all(self, numbers: Sequence[int], maps: Sequence[DepthMap]) -> Any:
+    def _put_all(self, numbers: Sequence[int], maps: Sequence[DepthMap]) -> Iterator[Entry]:
         """Write view after view; after each, what the journal has to say of its file."""
+
+    @abstractmethod
+    def _made_of(self, entries: Sequence[Entry]) -> Iterable[Path]:
+        """What must be on the disk before these views count; see `Workplace.record`."""
 
     def _entry(self, number: int, depth_map: DepthMap) -> Entry:
         """A view as the journal has it."""
@@ -126,7 +136,7 @@ class PngFolder(Output):
         encode_depth(np.zeros((1, 1), np.float32), self._encoding, device="cpu")
         self.work.begin(description, len(self.views), self._is_whole)
 
-    def _put_all(self, numbers: Sequence[int], maps: Sequence[DepthMap]) -> Any:
+    def _put_all(self, numbers: Sequence[int], maps: Sequence[DepthMap]) -> Iterator[Entry]:
         images = self._pool.map(self._image, maps)  # several at once: packing is slow
         for number, image in zip(numbers, images, strict=True):
             target = self.path / self._file(number)
@@ -134,6 +144,10 @@ class PngFolder(Output):
                 target.parent.mkdir(parents=True, exist_ok=True)
             self.work.put(target, image)
             yield {"file": self._file(number), "bytes": len(image)}
+
+    def _made_of(self, entries: Sequence[Entry]) -> Iterable[Path]:
+        files = (self.path / entry["file"] for entry in entries)
+        return {folder for file in files for folder in file.parents if self.path in folder.parents}
 
     def _image(self, depth_map: DepthMap) -> bytes:
         import cv2

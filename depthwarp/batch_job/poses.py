@@ -102,16 +102,21 @@ def csv_poses(path: Path) -> tuple[PoseTable, list[str] | None]:
 
 
 def npz_poses(path: Path) -> PoseTable | None:
-    """Read `optical_from_world`, shape (V, 4, 4), of an NPZ; None if it has no such array.
+    """Read `optical_from_world`, shape (V, 4, 4), of an NPZ; None if it is a depth map's.
 
     Raises:
-        FileFormatError: A damaged archive, an array of another shape, or a matrix that is not rigid
-            (the message names its number and says by how much).
+        FileFormatError: A damaged archive, no such array or one of another shape, or a matrix that
+            is not rigid (the message names its number and says by how much).
     """
     arrays = read_arrays(path, "an NPZ of poses", "copy or write it again")
     matrices = arrays.get(NPZ_ARRAY)
-    if matrices is None:
+    if matrices is None and "depth" in arrays:
         return None
+    if matrices is None:
+        raise FileFormatError(
+            f"{path}: no array {NPZ_ARRAY}, of shape (V, 4, 4); it has "
+            f"{', '.join(arrays) or 'no arrays'}"
+        )
     if matrices.ndim != 3 or matrices.shape[1:] != (4, 4) or matrices.dtype.kind not in "fiu":
         raise FileFormatError(
             f"{path}: {NPZ_ARRAY} must be numbers of shape (V, 4, 4), got {matrices.dtype} of "

@@ -128,11 +128,12 @@ def read_views(
         return _posed(path, poses, names, lens)
     if not _is_camera_file(path):
         raise FileFormatError(f"{path}: neither poses nor cameras of a known format: {KNOWN}")
+    rig = load_rig(path, size=size)
     if lens is not None:
         raise InputError(
             f"{path} already says the lens of every view: leave out --camera and --fov"
         )
-    return _of_rig(path, load_rig(path, size=size))
+    return _of_rig(path, rig)
 
 
 def lens_to_dict(camera: Camera) -> dict[str, Any]:

@@ -3,16 +3,22 @@
 - `batch.json`: what is drawn and how to read it, written once, before the first view;
 - `views.jsonl`: one line a view that is whole: name, lens, pose, counts;
 - `.unfinished`: what is being written; it gets its name when it is whole.
+
+A line of the journal is written when its view's files are on the disk, not only in the system's
+memory: what it says is true after a power cut too. The disk is waited for once a tile of views.
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
+from io import FileIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +26,22 @@ import numpy.typing as npt
 from depthwarp.batch_job.description import differences
 from depthwarp.batch_job.lock import locked
 from depthwarp.errors import FileFormatError, InputError
+from depthwarp.io.atomic import sync
 
-__all__ = ["DESCRIPTION", "JOURNAL", "Workplace", "disk_errors", "read_description"]
+__all__ = [
+    "DESCRIPTION",
+    "JOURNAL",
+    "Workplace",
+    "disk_errors",
+    "read_description",
+    "write_all",
+]
 
 DESCRIPTION, JOURNAL = "batch.json", "views.jsonl"
 LOCK, UNFINISHED = ".lock", ".unfinished"
+
+SYNCING_THREADS = 8
+"""Files that are waited for at once; file systems write what comes together in one go."""
 
 Entry = dict[str, Any]
 
@@ -62,13 +79,25 @@ def read_description(text: str | bytes, path: Path) -> Entry:
     return dict(description)
 
 
+def write_all(file: FileIO, content: bytes | memoryview) -> None:
+    """Write to a file without a buffer, which may take less than it is given.
+
+    Raises:
+        OSError: The disk is full.
+    """
+    left = memoryview(content)
+    while left:
+        left = left[file.write(left) :]
+
+
 class Workplace:
     """A folder that holds a batch, or will; while it is entered no other run writes to it.
 
     Args:
         folder: Made if its parent is there.
         output: What the person calls the output, for messages.
-        others: Names of further files that the batch has there for as long as it is unfinished.
+        others: Names of further files and folders that the batch has there for as long as it is
+            unfinished.
 
     Attributes:
         done: Which views are whole, shape (V,); set by `begin`.
@@ -78,9 +107,12 @@ class Workplace:
         self.folder, self.output = folder, output
         self.done: npt.NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._stack = ExitStack()
-        self._journal: BinaryIO | None = None
+        # Without a buffer: what a full disk did not take is not tried again when it is closed.
+        self._journal: FileIO | None = None
+        self._pool = ThreadPoolExecutor(SYNCING_THREADS)
+        self._syncing: list[Future[None]] = []
         self._others = tuple(others)
-        self._is_ours_to_remove = False
+        self._is_ours_to_remove = self._is_new = False
 
     def __enter__(self) -> Workplace:
         """Make the folder and lock it.
@@ -98,20 +130,27 @@ class Workplace:
         self._is_ours_to_remove = not folder.exists()
         with disk_errors(self.output):
             folder.mkdir(exist_ok=True)
-        self._check_nothing_else()
-        self._stack.enter_context(locked(folder / LOCK, self.output))
+        try:
+            self._stack.enter_context(locked(folder / LOCK, self.output))
+            self._check_nothing_else()  # now: before, another run may just have begun
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *exception: object) -> None:
         """Let go of the folder; where no view was ever written, nothing is left behind."""
-        if self._journal is not None:
-            self._journal.close()
-            if not self.done.any():
+        self._pool.shutdown(cancel_futures=True)
+        try:
+            if self._journal is not None:
+                self._journal.close()
+            if self._is_new and not self.done.any() and self._stranger() is None:
                 self._remove_files()
-        self._stack.close()
-        if self._is_ours_to_remove:
-            with suppress(OSError):  # it is not empty, or gone
-                self.folder.rmdir()
+        finally:
+            self._stack.close()
+            if self._is_ours_to_remove:
+                with suppress(OSError):  # it is not empty, or gone
+                    self.folder.rmdir()
 
     def begin(self, description: Entry, count: int, is_whole: Callable[[Entry], bool]) -> None:
         """Begin the batch, or go on with it.
@@ -127,8 +166,10 @@ class Workplace:
             FileFormatError: The description in the folder is none.
         """
         path, journal = self.folder / DESCRIPTION, self.folder / JOURNAL
-        has_views = journal.exists() and journal.stat().st_size > 0
-        if has_views:
+        has_lines = journal.exists() and journal.stat().st_size > 0
+        # A kill in the first tile leaves files of views, and no line yet.
+        self._is_new = not has_lines and self._stranger() is None
+        if not self._is_new:
             there = read_description(path.read_bytes(), path)
             if different := differences(there, description):
                 raise InputError(
@@ -136,15 +177,16 @@ class Workplace:
                     "that command to continue it, or choose another output"
                 )
         with disk_errors(self.output):
-            if not has_views:
+            if self._is_new:
                 self.put(path, (json.dumps(description, indent=2) + "\n").encode())
-            self._journal = journal.open("ab")
+                sync(self.folder.parent)  # the folder's own name
+            self._journal = FileIO(journal, "ab")
             self.done = np.zeros(count, np.bool_)
             if sum(map(len, self._good_lines(is_whole))) != journal.stat().st_size:
                 self._keep_good_lines(is_whole)
 
     def put(self, target: Path, content: bytes) -> None:
-        """Write a file, which appears whole or not at all.
+        """Write a file, which appears whole or not at all; `record` waits until it is on the disk.
 
         Raises:
             OSError: The disk is full, or the folder cannot be written.
@@ -157,6 +199,7 @@ class Workplace:
             with suppress(OSError):
                 unfinished.unlink(missing_ok=True)
             raise
+        self._syncing.append(self._pool.submit(sync, target))
 
     def remove(self) -> None:
         """The folder has served: remove the batch's files now, and on leaving the folder."""
@@ -166,22 +209,33 @@ class Workplace:
         self._remove_files()
         self._is_ours_to_remove = True
 
-    def record(self, entry: Entry) -> None:
-        """Count a view as done: to be called when it is whole.
+    def record(self, entries: Sequence[Entry], made: Iterable[Path]) -> None:
+        """Count views as done, as soon as all that they are made of is on the disk.
+
+        Args:
+            entries: Of the views.
+            made: Files that `put` has not written, and folders that hold files beside the
+                batch's own.
 
         Raises:
-            OSError: The disk is full.
+            OSError: The disk is full; none of them counts.
         """
         assert self._journal is not None
+        if not entries:
+            return
+        syncing, self._syncing = self._syncing, []
+        for waited in [*syncing, *(self._pool.submit(sync, path) for path in made)]:
+            waited.result()
+        sync(self.folder)
         end = os.fstat(self._journal.fileno()).st_size
         try:
-            self._journal.write((json.dumps(entry) + "\n").encode())
-            self._journal.flush()
+            write_all(self._journal, b"".join(json.dumps(e).encode() + b"\n" for e in entries))
+            os.fsync(self._journal.fileno())
         except OSError:
             with suppress(OSError):  # a line that is cut short is passed over anyway
-                os.truncate(self._journal.fileno(), end)
+                os.ftruncate(self._journal.fileno(), end)
             raise
-        self.done[entry["view"]] = True
+        self.done[[entry["view"] for entry in entries]] = True
 
     def entries(self) -> Iterator[Entry]:
         """What the journal says of each view that is done, in the order of their writing."""
@@ -209,26 +263,39 @@ class Workplace:
         """Write the journal anew, without lines that were cut short and views that are gone."""
         assert self._journal is not None
         self._journal.close()
-        unfinished = self.folder / UNFINISHED
-        with unfinished.open("wb") as file:
-            file.writelines(self._good_lines(is_whole))
-        os.replace(unfinished, self.folder / JOURNAL)
-        self._journal = (self.folder / JOURNAL).open("ab")
+        unfinished, journal = self.folder / UNFINISHED, self.folder / JOURNAL
+        try:
+            with unfinished.open("wb") as file:
+                file.writelines(self._good_lines(is_whole))
+            sync(unfinished)
+            os.replace(unfinished, journal)
+        except OSError:
+            with suppress(OSError):
+                unfinished.unlink(missing_ok=True)
+            raise
+        sync(self.folder)
+        self._journal = FileIO(journal, "ab")
 
     def _remove_files(self) -> None:
         # The description last: without it the rest would be somebody else's.
         for name in (*self._others, JOURNAL, UNFINISHED, DESCRIPTION):
-            (self.folder / name).unlink(missing_ok=True)
+            path = self.folder / name
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
 
     def _check_nothing_else(self) -> None:
         """Refuse a folder that holds something and no batch."""
-        if (self.folder / DESCRIPTION).exists():
-            return
-        with os.scandir(self.folder) as entries:
-            others = (entry.name for entry in entries)
-            other = next((name for name in others if name not in (LOCK, UNFINISHED)), None)
-        if other is not None:
+        stranger = self._stranger()
+        if stranger is not None and not (self.folder / DESCRIPTION).exists():
             raise InputError(
-                f"cannot write {self.output}: {self.folder} holds other files ({other}); give an "
-                "empty or a new folder"
+                f"cannot write {self.output}: {self.folder} holds other files ({stranger}); give "
+                "an empty or a new folder"
             )
+
+    def _stranger(self) -> str | None:
+        """Name of something in the folder beside what every batch has there; a view, or foreign."""
+        own = {DESCRIPTION, JOURNAL, LOCK, UNFINISHED, *self._others}
+        with os.scandir(self.folder) as entries:
+            return next((entry.name for entry in entries if entry.name not in own), None)

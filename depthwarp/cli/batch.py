@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 __all__ = ["batch"]
 
+STACKED = (".npz", ".zarr")
+"""Suffixes of outputs that hold all views as arrays."""
+
 
 def batch(
     cloud: CloudArgument,
@@ -40,7 +43,11 @@ def batch(
     ],
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", help="A folder, for a 16-bit png a view; or one file .npz."),
+        typer.Option(
+            "-o",
+            "--output",
+            help="A folder, for a 16-bit png a view; one file .npz; or one store .zarr.",
+        ),
     ],
     camera: Annotated[
         Path | None,
@@ -83,6 +90,10 @@ def batch(
     reporter = Reporter(as_json)
 
     def command() -> None:
+        with Interruption() as interruption:
+            draw(interruption)
+
+    def draw(interruption: Interruption) -> None:
         quiet_warp()
         from depthwarp.devices import resolve_device
         from depthwarp.filters import paper
@@ -96,7 +107,7 @@ def batch(
             views = _views(poses, camera, camera_name, fov, size)
         for lens in views.lenses:
             lens.check_kind(config.depth)
-        with Interruption() as interruption, _output(output, views, numbers) as out:
+        with interruption.held_off(_output(output, views, numbers)) as out:
             prepared = _begin(reporter, cloud, offset, out, config, numbers, target.alias)
             before, empty = out.done, 0
             if prepared is not None:
@@ -109,7 +120,7 @@ def batch(
 
 
 def _encoding(output: Path, choice: EncodingChoice | None, max_range: float) -> Encoding | None:
-    """What the numbers of the files mean; None for an NPZ's float32.
+    """What the numbers of the files mean; None for the float32 of an NPZ or a Zarr store.
 
     Raises:
         InputError: An output that is neither, or an encoding that cannot hold the range.
@@ -117,17 +128,21 @@ def _encoding(output: Path, choice: EncodingChoice | None, max_range: float) -> 
     from depthwarp.encodings import get_encoding
 
     suffix = output.suffix.lower()
-    if suffix == ".npz":
+    if suffix in STACKED:
         if choice is not None:
-            raise InputError(f"cannot write {output}: encoding is for pngs, .npz is float32 metres")
+            raise InputError(
+                f"cannot write {output}: encoding is for pngs, {suffix} is float32 metres"
+            )
         return None
-    if suffix in (".png", ".tiff", ".tif", ".exr", ".zarr", ".zip", ".h5"):
-        raise InputError(f"cannot write {output}: give a folder, for pngs, or a file .npz")
+    if suffix in (".png", ".tiff", ".tif", ".exr", ".zip", ".h5"):
+        raise InputError(
+            f"cannot write {output}: give a folder, for pngs, or a name that ends in .npz or .zarr"
+        )
     encoding = get_encoding("range16" if choice is None else choice.value, max_range)
     if max_range > encoding.largest * (1 + 1e-9):  # said now, not after hours
         raise InputError(
             f"encoding '{encoding.name}' holds depths up to {encoding.largest:.3f} m, --max-range "
-            f"is {max_range:g}: give a smaller --max-range, another --encoding or a file .npz"
+            f"is {max_range:g}: give a smaller --max-range, another --encoding or an output .npz"
         )
     return encoding
 
@@ -164,8 +179,11 @@ def _views(
 def _output(path: Path, views: Views, encoding: Encoding | None) -> Output:
     from depthwarp.batch_job.npz_file import NpzFile
     from depthwarp.batch_job.outputs import PngFolder
+    from depthwarp.batch_job.zarr_store import ZarrStore
 
-    return NpzFile(path, views) if encoding is None else PngFolder(path, views, encoding)
+    if encoding is not None:
+        return PngFolder(path, views, encoding)
+    return NpzFile(path, views) if path.suffix.lower() == ".npz" else ZarrStore(path, views)
 
 
 def _points(path: Path, offset: tuple[float, float, float] | None) -> PointCloud:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import signal
+import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rich.console import Console
 from rich.progress import (
@@ -19,11 +20,14 @@ from rich.progress import (
 )
 
 from depthwarp.cli.signals import ENDING
+from depthwarp.errors import DepthwarpError
 
 if TYPE_CHECKING:
     from depthwarp.depth_map import DepthMap
 
 __all__ = ["DrawnLine", "Interruption"]
+
+T = TypeVar("T")
 
 
 class DrawnLine:
@@ -81,7 +85,7 @@ class DrawnLine:
 
 
 class Interruption:
-    """What the signals that end a program do: at once, or where it is awaited after a tile.
+    """What the signals that end a program do: at once, or where it is awaited a little later.
 
     A second signal does not wait. Signals that whoever started us had ignored stay so.
 
@@ -101,9 +105,12 @@ class Interruption:
             signal.signal(number, self._come)
         return self
 
-    def __exit__(self, *exception: object) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         for number, old in self._before.items():
             signal.signal(number, old)
+        # A signal in a library's import comes out of it as an ImportError, for example.
+        if self.has_come and isinstance(error, Exception) and not isinstance(error, DepthwarpError):
+            raise KeyboardInterrupt from error
 
     @contextmanager
     def is_awaited(self) -> Iterator[None]:
@@ -113,6 +120,23 @@ class Interruption:
             yield
         finally:
             self._waits = False
+
+    @contextmanager
+    def held_off(self, context: AbstractContextManager[T]) -> Iterator[T]:
+        """Enter and leave a context whole: a signal waits until it is entered, or left.
+
+        Raises:
+            KeyboardInterrupt: The signal that has waited.
+        """
+        with self.is_awaited():
+            entered = context.__enter__()
+        try:
+            if self.has_come:
+                raise KeyboardInterrupt
+            yield entered
+        finally:
+            with self.is_awaited():
+                context.__exit__(*sys.exc_info())
 
     def _come(self, number: int, frame: FrameType | None) -> None:
         is_second, self.has_come = self.has_come, True

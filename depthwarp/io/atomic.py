@@ -1,7 +1,8 @@
-"""Files that appear whole or not at all: write beside the target, then rename."""
+"""Files that appear whole or not at all, even if the power fails: write beside, sync, rename."""
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from depthwarp.errors import InputError
 
-__all__ = ["atomic_path", "check_target"]
+__all__ = ["atomic_path", "check_target", "sync"]
 
 
 def check_target(target: Path) -> None:
@@ -25,12 +26,33 @@ def check_target(target: Path) -> None:
         raise InputError(f"cannot write {target}: folder {target.parent} does not exist; create it")
 
 
+def sync(path: Path) -> None:
+    """Wait until a file's content, or the names in a folder, are on the disk.
+
+    Raises:
+        OSError: The disk is full or fails, or there is no such path.
+    """
+    is_folder = path.is_dir()
+    if is_folder and os.name == "nt":
+        return  # Windows opens no folder; NTFS has a journal for names
+    handle = os.open(path, os.O_RDONLY if is_folder else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        # Some network file systems sync files and know no such thing for folders.
+        if not (is_folder and error.errno == errno.EINVAL):
+            raise
+    finally:
+        os.close(handle)
+
+
 @contextmanager
 def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary name beside `target`, renamed to it when the block ends without an error.
 
     The temporary name keeps the suffix, so writers that choose the format by suffix work. When
-    the block raises, the temporary file is removed and an older `target` is left as it was.
+    the block raises, the temporary file is removed and an older `target` is left as it was. Its
+    content is on the disk before it has its name: a power cut leaves the older or the new file.
 
     Raises:
         InputError: The folder does not exist or cannot be written, the target is a folder, or the
@@ -48,6 +70,7 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
         ) from error
     try:
         yield temporary
+        sync(temporary)
         os.replace(temporary, target)
     except OSError as error:
         raise InputError(

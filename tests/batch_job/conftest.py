@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import depthwarp as dw
+from depthwarp.batch_job import drawing
 
+TILE = 16
 LENS = ("--fov", "70", "55", "--size", "16", "12")
 
 
@@ -24,6 +26,12 @@ def room(tmp_path: Path) -> Path:
     path = tmp_path / "room.npz"
     np.savez(path, points=points * np.float32(3))
     return path
+
+
+@pytest.fixture
+def small_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At most `TILE` views are drawn at once, in this process."""
+    monkeypatch.setattr(drawing, "TILE_VIEWS", TILE)
 
 
 def walk(count: int) -> list[tuple[tuple[float, float, float], tuple[float, float, float]]]:

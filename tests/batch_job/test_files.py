@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 import depthwarp as dw
-from depthwarp.batch_job.drawing import TILE_VIEWS
 from depthwarp.cameras.description import camera_from_dict
 from depthwarp.encodings import encode_depth, get_encoding
-from tests.batch_job.conftest import LENS, cameras, write_csv
+from tests.batch_job.conftest import LENS, TILE, cameras, write_csv
 from tests.cli.conftest import invoke
 
-VIEWS = 2 * TILE_VIEWS + 5
+pytestmark = pytest.mark.usefixtures("small_tiles")
+
+VIEWS = 2 * TILE + 5
 """Two whole tiles, of which one plan draws both, and a rest."""
 
 
@@ -73,6 +74,32 @@ def test_the_npz_holds_the_arrays_of_render(room, tmp_path):
         assert list(found["count_names"]) == list(expected[0].stats)
         assert json.loads(str(found["about"]))["depth_kind"] == "range"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.npz", "poses.csv", "room.npz"]
+
+
+def test_the_zarr_store_holds_the_arrays_of_render(room, tmp_path):
+    """Bit for bit, a chunk a view, of views of nothing too; and how to read them."""
+    zarr = pytest.importorskip("zarr")
+    out = tmp_path / "out.zarr"
+    poses = write_csv(tmp_path / "poses.csv", VIEWS)
+    result = invoke("batch", room, poses, "-o", out, *LENS, "--min-range", "4")
+    assert result.exit_code == 0, result.output
+    settings = {"filters": dw.filters.paper(), "min_range": 4.0}
+    expected = dw.render_batch(dw.read(room), cameras(VIEWS), **settings)
+    assert not all(depth_map.stats.drawn for depth_map in expected)
+    found = zarr.open_group(out, mode="r", zarr_format=3)
+    for name in ("depth", "index", "state"):
+        array = found[name]
+        assert array.chunks == (1, *array.shape[1:]) and array.nchunks_initialized == VIEWS
+        assert array.dtype == getattr(expected, name).dtype
+        assert np.array_equal(array[:], getattr(expected, name))
+    matrices = [camera.pose.optical_from_world for camera in cameras(VIEWS)]
+    assert np.array_equal(found["optical_from_world"][:], matrices)
+    counts = [list(depth_map.stats.values()) for depth_map in expected]
+    assert np.array_equal(found["counts"][:], counts)
+    assert found.attrs["count_names"] == list(expected[0].stats)
+    assert found.attrs["names"] == [f"{k:06}" for k in range(VIEWS)]
+    assert found.attrs["about"]["depth_kind"] == "range"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.zarr", "poses.csv", "room.npz"]
 
 
 def test_cameras_of_a_file_bring_lenses_sizes_and_names(room, tmp_path):

@@ -1,4 +1,4 @@
-"""Kills, full disks and second runs: nothing is lost, doubled or half-written."""
+"""Kills and damage: nothing is lost, doubled or half-written."""
 
 from __future__ import annotations
 
@@ -6,38 +6,52 @@ import errno
 import json
 import os
 import random
-import shutil
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from depthwarp.batch_job import outputs
-from depthwarp.batch_job.workplace import Workplace
+from depthwarp.batch_job import outputs, workplace
+from depthwarp.batch_job.zarr_store import ZarrStore
 from tests.batch_job.conftest import LENS, content, write_csv
+from tests.batch_job.programs import folder_of, lines_of, started, wait_for_lines
 from tests.cli.conftest import invoke
 
-
-def start(*arguments: object) -> subprocess.Popen[str]:
-    """The program in a process of its own."""
-    command = [sys.executable, "-m", "depthwarp", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+OUTPUTS = ["out", "out.npz", "out.zarr"]
 
 
-def lines_of(folder: Path) -> int:
-    """Views that the journal holds."""
-    journal = folder / "views.jsonl"
-    return journal.read_bytes().count(b"\n") if journal.exists() else 0
+@pytest.mark.parametrize("name", OUTPUTS)
+def test_killed_batches_give_the_bytes_of_an_unbroken_one(room, tmp_path, name):
+    """SIGKILL at three random moments, then the same command: every file, byte for byte."""
+    if name.endswith(".zarr"):
+        pytest.importorskip("zarr")
+    poses, moments = write_csv(tmp_path / "poses.csv", 700), random.Random(4)
+    broken, whole = tmp_path / name, tmp_path / f"whole{name}"
+    job = ("batch", room, poses, *LENS, "--filters", "none", "-o")
+    assert invoke(*job, whole).exit_code == 0
+    kills = 0
+    for part in range(3):
+        with started(*job, broken) as process:
+            wait_for_lines(process, folder_of(broken), 128 * part + moments.randrange(2))
+            time.sleep(moments.uniform(0, 0.1))
+            process.kill()
+            process.wait()
+        kills += folder_of(broken).exists() and lines_of(folder_of(broken)) < 700
+    assert kills >= 2
+    result = invoke(*job, broken)
+    assert result.exit_code == 0, result.output
+    assert "continuing" in result.stderr
+    if broken.is_dir():
+        assert content(broken) == content(whole)
+    else:
+        assert broken.read_bytes() == whole.read_bytes()
+    assert broken.suffix == "" or not folder_of(broken).exists()
 
 
-def wait_for_lines(process: subprocess.Popen[str], folder: Path, count: int) -> None:
-    """Wait until so many views are written, or the process is at its end."""
-    while lines_of(folder) < count and process.poll() is None:
-        time.sleep(0.001)
+def full_disk(*_: object) -> None:
+    """What a full disk does."""
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def damage(folder: Path) -> None:
@@ -50,31 +64,22 @@ def damage(folder: Path) -> None:
     (folder / ".unfinished").write_bytes(b"half a file")
 
 
-@pytest.mark.parametrize("suffix", ["", ".npz"])
-def test_killed_batches_give_the_bytes_of_an_unbroken_one(room, tmp_path, suffix):
-    """SIGKILL at three random moments, then the same command: every file, byte for byte."""
-    poses, moments = write_csv(tmp_path / "poses.csv", 1500), random.Random(4)
-    whole, broken = tmp_path / f"whole{suffix}", tmp_path / f"broken{suffix}"
-    job = ("batch", room, poses, *LENS, "--filters", "none")
-    assert invoke(*job, "-o", whole).exit_code == 0
-    working = broken.with_name(broken.name + ".part") if suffix else broken
-    kills = 0
-    for part in range(3):
-        process = start(*job, "-o", broken)
-        wait_for_lines(process, working, 300 * part + moments.randrange(1, 250))
-        time.sleep(moments.uniform(0, 0.01))
-        process.kill()
-        process.communicate()
-        kills += 0 < lines_of(working) < 1500
-    assert kills >= 2
-    result = invoke(*job, "-o", broken)
-    assert result.exit_code == 0, result.output
-    assert "continuing" in result.stderr
-    if suffix:
-        assert broken.read_bytes() == whole.read_bytes()
-        assert not working.exists()
-    else:
-        assert content(broken) == content(whole)
+def test_chunks_that_are_damaged_are_written_again(room, tmp_path):
+    """Of an unfinished Zarr store: a chunk cut short, one that is gone, and what a kill left."""
+    pytest.importorskip("zarr")
+    poses, out = write_csv(tmp_path / "poses.csv", 30), tmp_path / "out.zarr"
+    job = ("batch", room, poses, *LENS, "--filters", "none", "--json", "-o")
+    assert invoke(*job, tmp_path / "whole.zarr").exit_code == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ZarrStore, "_put_together", full_disk)
+        assert invoke(*job, out).exit_code == 2
+    store = folder_of(out) / "whole.zarr"
+    (store / "depth" / "c.3.0.0").write_bytes(b"cut")
+    (store / "index" / "c.20.0.0").unlink()
+    (store / "state" / "c.7.0.partial").write_bytes(b"half a chunk")
+    (store / "counts").mkdir()
+    assert json.loads(invoke(*job, out).stdout)["drawn"] == 2
+    assert content(out) == content(tmp_path / "whole.zarr")
 
 
 def test_what_is_damaged_is_drawn_again(room, tmp_path):
@@ -94,9 +99,10 @@ def test_what_is_damaged_is_drawn_again(room, tmp_path):
 
 
 def test_a_batch_that_is_whole_is_left_as_it_is(room, tmp_path):
-    """The same command again draws nothing, for a folder and for an NPZ."""
+    """The same command again draws nothing, whatever the output is."""
+    pytest.importorskip("zarr")
     poses = write_csv(tmp_path / "poses.csv", 4)
-    for name in ("out", "out.npz"):
+    for name in OUTPUTS:
         arguments = ("batch", room, poses, "-o", tmp_path / name, *LENS, "--json")
         assert invoke(*arguments).exit_code == 0
         before = content(tmp_path)
@@ -147,111 +153,59 @@ def test_other_inputs_are_refused_with_what_differs(room, tmp_path):
         assert result.exit_code == 2 and says in result.stderr
 
 
-@pytest.mark.parametrize("name", ["out", "out.npz"])
-def test_the_second_of_two_runs_is_refused(room, tmp_path, name):
-    """While one process writes an output another cannot; after a kill the next one can."""
-    poses = write_csv(tmp_path / "poses.csv", 3000)
-    out = tmp_path / name
-    working = tmp_path / "out.npz.part" if out.suffix else out
-    job = ("batch", room, poses, "-o", out, *LENS, "--filters", "none")
-    first = start(*job)
-    wait_for_lines(first, working, 1)
-    os.kill(first.pid, signal.SIGSTOP)  # it is there, and not done before we look
-    try:
-        refused = invoke(*job)
-    finally:
-        first.kill()
-        first.communicate()
-    assert refused.exit_code == 2 and "another run" in refused.stderr
-    with Workplace(working, out):
-        pass
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_in_order(room, tmp_path, number):
-    """Exit code 130, one line that says how far it came, whole files, no lock left."""
-    poses, out = write_csv(tmp_path / "poses.csv", 5000), tmp_path / "out"
-    process = start("batch", room, poses, "-o", out, *LENS, "--filters", "none")
-    wait_for_lines(process, out, 100)
-    process.send_signal(number)
-    _, said = process.communicate(timeout=30)
-    assert process.returncode == 130, said
-    written = lines_of(out)
-    assert 100 <= written < 5000
-    assert f"{written:,} of 5,000 views are written; the same command goes on" in said
-    assert "Traceback" not in said
-    assert {path.name for path in out.iterdir()} == {
-        "batch.json",
-        "views.jsonl",
-        *(f"{k:06}.png" for k in range(written)),
-    }
-
-
-def full_after(monkeypatch: pytest.MonkeyPatch, writes: int) -> None:
-    """Let the disk be full after so many files, for one file: whoever goes on leaves a gap."""
-    put, left = Workplace.put, [writes]
-
-    def put_or_fail(work: Workplace, target: Path, image: bytes) -> None:
-        left[0] -= 1
-        if left[0] == -1:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        put(work, target, image)
-
-    monkeypatch.setattr(Workplace, "put", put_or_fail)
-
-
-def test_a_full_disk_stops_it_and_what_is_written_stays(room, tmp_path, monkeypatch):
-    """The writer's error ends the job with one line; with room again it goes on."""
-    poses, out = write_csv(tmp_path / "poses.csv", 400), tmp_path / "out"
-    job = ("batch", room, poses, *LENS, "--filters", "none", "-o")
-    assert invoke(*job, tmp_path / "whole").exit_code == 0
-    with monkeypatch.context() as full:
-        full_after(full, writes=141)  # the description and 140 views
-        result = invoke(*job, out)
-    assert result.exit_code == 2, result.output
-    error = next(line for line in result.stderr.splitlines() if line.startswith("error:"))
-    assert "No space left" in error and "the same command continues" in error
-    assert lines_of(out) == len(list(out.glob("*.png"))) == 140
-    assert invoke(*job, out).exit_code == 0
-    assert content(out) == content(tmp_path / "whole")
-
-
-def test_a_disk_that_is_full_from_the_beginning_leaves_nothing(room, tmp_path, monkeypatch):
-    """No folder without a view."""
-    poses, out = write_csv(tmp_path / "poses.csv", 3), tmp_path / "out"
-    for writes in (0, 1):
-        with monkeypatch.context() as full:
-            full_after(full, writes)
-            result = invoke("batch", room, poses, "-o", out, *LENS)
-        assert result.exit_code == 2 and "No space left" in result.stderr
-        assert not out.exists()
-
-
-def test_a_full_disk_while_the_npz_is_put_together(room, tmp_path, monkeypatch):
-    """The parts stay; the same command makes the file of them without drawing."""
-    poses, out = write_csv(tmp_path / "poses.csv", 5), tmp_path / "out.npz"
+def test_a_break_while_the_journal_is_read_loses_nothing(room, tmp_path, monkeypatch):
+    """The views of a batch count on, though none was counted when the signal came."""
+    poses, out = write_csv(tmp_path / "poses.csv", 4), tmp_path / "out"
     job = ("batch", room, poses, "-o", out, *LENS, "--json")
+    assert invoke(*job).exit_code == 0
+    before = content(out)
 
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    def broken(*_: object) -> bool:
+        raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(shutil, "copyfileobj", full)
-        result = invoke(*job)
-    assert result.exit_code == 2 and "No space left" in result.stderr
-    assert not out.exists() and not (tmp_path / "out.npz.part" / "whole.npz").exists()
+        patch.setattr(outputs.PngFolder, "_is_whole", broken)
+        assert invoke(*job).exit_code == 130
+    assert content(out) == before
     assert json.loads(invoke(*job).stdout)["drawn"] == 0
-    assert out.exists() and not (tmp_path / "out.npz.part").exists()
 
 
-def test_a_defect_of_the_writer_is_not_hidden(room, tmp_path, monkeypatch):
-    """Any error in the writer's thread ends the job with its own exit code."""
+@pytest.mark.parametrize("name", OUTPUTS)
+def test_a_view_counts_when_it_is_on_the_disk(room, tmp_path, monkeypatch, small_tiles, name):
+    """Before each write to the journal all files of its views, and their folder, are synced."""
+    if name.endswith(".zarr"):
+        pytest.importorskip("zarr")
+    poses, out = tmp_path / "poses.csv", tmp_path / name
+    poses.write_text(
+        "name,x,y,z,roll,pitch,yaw\n" + "".join(f"a/{k},0,0,0,0,0,{k}\n" for k in range(40))
+    )
+    synced, counted = set[Path](), list[int]()
+    sync, write_all = workplace.sync, workplace.write_all
 
-    def broken(*_: object) -> bytes:
-        raise RuntimeError("boom")
+    def noting(path: Path) -> None:
+        sync(path)
+        synced.add(path.relative_to(folder_of(out).parent))
 
-    monkeypatch.setattr(outputs.PngFolder, "_image", broken)
-    poses = write_csv(tmp_path / "poses.csv", 300)
-    result = invoke("batch", room, poses, "-o", tmp_path / "out", *LENS)
-    assert result.exit_code == 1 and "boom" in result.stderr
-    assert not (tmp_path / "out").exists()
+    def checking(file, content) -> None:
+        lines = [json.loads(line) for line in content.splitlines()]
+        folder = Path(folder_of(out).name)
+        for line in lines:
+            made = {
+                "out": [f"{line['name']}.png"],
+                "out.npz": ["depth.npy", "index.npy", "state.npy"],
+                "out.zarr": [
+                    f"whole.zarr/{array}/c.{line['view']}.0.0"
+                    for array in ("depth", "index", "state")
+                ],
+            }[name]
+            for path in made:
+                assert {folder, folder / path, (folder / path).parent} <= synced
+        counted.append(len(lines))
+        synced.clear()
+        write_all(file, content)
+
+    monkeypatch.setattr(workplace, "sync", noting)
+    monkeypatch.setattr(workplace, "write_all", checking)
+    result = invoke("batch", room, poses, "-o", out, *LENS, "--filters", "none")
+    assert result.exit_code == 0, result.output
+    assert counted == [16, 16, 8]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -102,6 +103,8 @@ def test_an_npz_of_something_else(refuse, wall, tmp_path):
     """Neither poses nor a depth map, or no archive at all."""
     np.savez(tmp_path / "other.npz", points=np.zeros((2, 3)))
     refuse(wall, tmp_path / "other.npz", says=("other.npz",))
+    np.savez(tmp_path / "named.npz", poses=np.eye(4)[None])
+    refuse(wall, tmp_path / "named.npz", *LENS, says=("named.npz", "optical_from_world"))
     (tmp_path / "torn.npz").write_bytes(b"PK\x03\x04 torn")
     refuse(wall, tmp_path / "torn.npz", *LENS, says=("torn.npz",))
 
@@ -151,7 +154,7 @@ def test_clouds_that_cannot_be_drawn(refuse, poses, tmp_path):
 
 def test_outputs_that_cannot_be_written(refuse, wall, poses, tmp_path):
     """Other suffixes, missing folders, folders and files that are somebody else's."""
-    for name in ("out.png", "out.zarr", "out.tiff"):
+    for name in ("out.png", "out.h5", "out.tiff"):
         refuse(wall, poses, *LENS, output=name, says=(name, "give a folder"))
     refuse(wall, poses, *LENS, output="missing/out", says=("missing", "does not exist"))
     refuse(wall, poses, *LENS, output="wall.xyz", says=("wall.xyz", "is a file"))
@@ -165,6 +168,25 @@ def test_outputs_that_cannot_be_written(refuse, wall, poses, tmp_path):
     (tmp_path / "odd" / "batch.json").write_text("{}")
     (tmp_path / "odd" / "views.jsonl").write_text("{}\n")
     refuse(wall, poses, *LENS, output="odd", says=("batch.json", "does not describe"))
+
+
+def test_zarr_stores_that_cannot_be_written(refuse, wall, poses, tmp_path):
+    """A file or another store of that name, an encoding, views of several sizes."""
+    zarr = pytest.importorskip("zarr")
+    refuse(wall, poses, "--encoding", "kitti", *LENS, output="o.zarr", says=("encoding", ".zarr"))
+    (tmp_path / "file.zarr").write_bytes(b"")
+    refuse(wall, poses, *LENS, output="file.zarr", says=("file.zarr", "it is a file"))
+    zarr.create_group(tmp_path / "taken.zarr")
+    (tmp_path / "folder.zarr").mkdir()
+    for name in ("taken.zarr", "folder.zarr"):
+        refuse(wall, poses, *LENS, output=name, says=(name, "not a batch"))
+
+
+def test_without_zarr_the_message_says_what_to_install(refuse, wall, poses, tmp_path, monkeypatch):
+    """Before anything is drawn or written."""
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    refuse(wall, poses, *LENS, output="o.zarr", says=('pip install "depthwarp[zarr]"',))
+    assert not (tmp_path / "o.zarr.part").exists()
 
 
 def test_an_npz_that_would_be_too_large(refuse, wall, tmp_path):

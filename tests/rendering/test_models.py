@@ -29,7 +29,7 @@ from tests.cameras.models import (
 )
 from tests.reference import lenses
 from tests.rendering.strategies import clouds, seeds
-from tests.rendering.test_render import FLOAT32_MAX, assert_is_twin, render
+from tests.rendering.twin import FLOAT32_MAX, assert_is_twin, render
 
 MODEL_NAMES = [name for name in MODELS if name != "pinhole"]  # that one has a loop of its own
 WITH_Z = ["fisheye"]  # z depth beside range: once more to compile, so for one model only
