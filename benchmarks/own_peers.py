@@ -14,7 +14,7 @@ from depthwarp.devices import resolve_device
 from depthwarp.rendering import RenderConfig, RenderPlan, ViewPlan
 from depthwarp_kernels.point_source import BLOCK
 
-__all__ = ["OneCall", "Plan", "Prepared"]
+__all__ = ["OneCall", "Plan", "Prepared", "PreparedDepths"]
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -56,6 +56,7 @@ class Plan(_Own):
     """
 
     name = "depthwarp"
+    with_index = True
 
     def __init__(self, device: str, threads: int | None = None) -> None:
         super().__init__(device)
@@ -68,7 +69,9 @@ class Plan(_Own):
         self._points = share_points(points_world, device)
         config = RenderConfig(depth="z", max_range=max_range)
         views = [ViewPlan(camera) for camera in cameras]
-        self._plan = RenderPlan(views, config, device, threads=self._threads)
+        self._plan = RenderPlan(
+            views, config, device, with_index=self.with_index, threads=self._threads
+        )
 
     def run(self) -> None:
         self._plan.render(self._points)
@@ -93,6 +96,16 @@ class Prepared(Plan):
     ) -> None:
         super().prepare(points_world, cameras, max_range)
         self._points = dw.PointCloud(points_world).prepare(device=self.device)
+
+
+class PreparedDepths(Prepared):
+    """A prepared cloud, the depth alone: no index."""
+
+    name = "prepared, depth"
+    with_index = False
+
+    def images(self) -> Sequence[Float32Array]:
+        return list(self._plan.maps.depth.numpy())
 
 
 class OneCall(_Own):
