@@ -20,7 +20,7 @@ from depthwarp.rendering.views import DeviceViews
 from depthwarp.threads import thread_pool
 from depthwarp_kernels import cull_blocks, splat, splat_blocks
 from depthwarp_kernels import resolve as resolving
-from depthwarp_kernels.point_source import BLOCK, PointSource
+from depthwarp_kernels.point_source import BLOCK, GROUP, PointSource
 
 __all__ = ["CpuSplatter"]
 
@@ -126,12 +126,15 @@ class CpuSplatter:
 
     def _draw_view(self, kernels: _Kernels, points: Points, view: int) -> None:
         """Draw one view with one thread."""
-        for seen, count in self._rounds(kernels, points, view):
+        groups = -(-points.whole_blocks // GROUP)
+        in_view = self._cull(kernels, points, view, 0, (0, groups))
+        for seen, count in self._rounds(kernels, points, view, in_view):
             self._draw_blocks(kernels, points, view, 0, seen, (0, count))
 
     def _draw_together(self, kernels: _Kernels, points: Points, view: int) -> None:
         """Draw one view with all threads, each into a buffer of its own."""
-        for seen, count in self._rounds(kernels, points, view):
+        in_view = self._cull_together(kernels, points, view)
+        for seen, count in self._rounds(kernels, points, view, in_view):
             parts = _Shared(_pieces(count, self._threads * PARTS_A_THREAD))
             self._share(partial(self._draw_parts, kernels, points, view, seen, parts))
 
@@ -148,18 +151,36 @@ class CpuSplatter:
         for part in parts:
             self._draw_blocks(kernels, points, view, thread, seen, part)
 
-    def _rounds(self, kernels: _Kernels, points: Points, view: int) -> Iterable[tuple[Any, int]]:
+    def _rounds(
+        self, kernels: _Kernels, points: Points, view: int, in_view: tuple[Any, int]
+    ) -> Iterable[tuple[Any, int]]:
         """Lists of blocks to draw one after the other, and their lengths."""
-        seen, count = self._cull(kernels, points, view)
         if kernels.occlusion is None:
-            return [(seen, count)]
-        return kernels.occlusion.rounds(points.arrays, view, seen, count)
+            return [in_view]
+        return kernels.occlusion.rounds(points.arrays, view, *in_view)
 
-    def _cull(self, kernels: _Kernels, points: Points, view: int) -> tuple[Any, int]:
-        """Which blocks a view may see and their number; counts the points of the others."""
+    def _cull_together(self, kernels: _Kernels, points: Points, view: int) -> tuple[Any, int]:
+        """The same as `_cull` of all groups, with all threads."""
+        pieces = _pieces(-(-points.whole_blocks // GROUP), self._threads)
+        if kernels.cull is None or not pieces:
+            return self._nothing, points.whole_blocks
+
+        def cull(thread: int) -> list[Any]:
+            parts = pieces[thread : thread + 1]
+            lists = [self._cull(kernels, points, view, thread, part) for part in parts]
+            return [seen.numpy()[:count] for seen, count in lists]
+
+        seen = np.concatenate([part for parts in self._share(cull) for part in parts] + [[0]])
+        return wp.array(seen, dtype=wp.int32, device=self._device), len(seen) - 1
+
+    def _cull(
+        self, kernels: _Kernels, points: Points, view: int, buffer: int, groups: tuple[int, int]
+    ) -> tuple[Any, int]:
+        """Which blocks of some groups a view may see; counts the points of the others."""
         if kernels.cull is None or not points.whole_blocks:
             return self._nothing, points.whole_blocks
-        seen = arrays.zeros(max(points.whole_blocks, 1), wp.int32, self._device)
+        first, end = groups
+        seen = arrays.zeros((end - first) * GROUP, wp.int32, self._device)
         length = arrays.zeros(1, wp.int32, self._device)
         wp.launch(
             kernels.cull,
@@ -169,9 +190,11 @@ class CpuSplatter:
                 view,
                 points.arrays,
                 *points.block_arrays[:3],
+                first,
+                end - first,
                 points.count,
             ],
-            outputs=[seen, length, self._buffers[0][view][1]],
+            outputs=[seen, length, self._buffers[buffer][view][1]],
             device=self._device,
         )
         return seen, int(length.numpy()[0])
@@ -269,11 +292,10 @@ class CpuSplatter:
             self._loaded[source] = kernels
         return self._loaded[source]
 
-    def _share(self, work: Callable[[int], None]) -> None:
+    def _share(self, work: Callable[[int], Any]) -> list[Any]:
         """Let every thread do its work, and wait for all of them."""
         pool = thread_pool(self._threads)
-        for done in [pool.submit(work, thread) for thread in range(self._threads)]:
-            done.result()
+        return [done.result() for done in [pool.submit(work, t) for t in range(self._threads)]]
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,8 @@ from depthwarp_kernels.view import View, to_camera
 def cull_kernel(config: SplatConfig):
     """Kernel, for one thread, that lists the blocks a view may see and counts the others' points.
 
-    The cloud holds `count` points. A block b of which every point is drawn is listed as -1 - b.
+    They are those of `groups` groups of blocks from `first` on; the cloud holds `count` points. A
+    block b of which every point is drawn is listed as -1 - b.
     """
     Source = config.source.struct
     sphere_of, group_of = config.source.sphere_of, config.source.group_of
@@ -60,6 +61,8 @@ def cull_kernel(config: SplatConfig):
         x: wp.array[Word],
         y: wp.array[Word],
         z: wp.array[Word],
+        first: wp.int32,
+        groups: wp.int32,
         count: wp.int32,
         # Out:
         seen_out: wp.array[wp.int32],
@@ -71,7 +74,7 @@ def cull_kernel(config: SplatConfig):
         behind = int(0)
         outside = int(0)
         blocks = (count + wp.static(BLOCK - 1)) / wp.static(BLOCK)
-        for group in range((blocks + wp.static(GROUP - 1)) / wp.static(GROUP)):
+        for group in range(first, first + groups):
             begin = group * wp.static(GROUP)
             end = wp.min(begin + wp.static(GROUP), blocks)
             held = wp.min(end * wp.static(BLOCK), count) - begin * wp.static(BLOCK)

@@ -15,7 +15,7 @@ from depthwarp.rendering import RenderConfig, ViewPlan
 from depthwarp.rendering.points import points_of
 from depthwarp.rendering.views import DeviceViews
 from depthwarp_kernels import cull_blocks
-from depthwarp_kernels.point_source import BLOCK
+from depthwarp_kernels.point_source import BLOCK, GROUP
 from depthwarp_kernels.splat import BEHIND, COUNT_COLUMNS, OUTSIDE, SplatConfig
 from tests.cameras.device_cull import device_meeting
 from tests.cameras.models import IDENTITY, MODELS, quietly
@@ -194,7 +194,11 @@ def seen_blocks(
     wp.launch(
         cull_blocks.cull_kernel(SplatConfig(points.source, views.model, depth, False)),
         dim=1,
-        inputs=[views.arrays[0], 0, points.arrays, *points.block_arrays[:3], points.count],
+        inputs=[
+            *(views.arrays[0], 0, points.arrays),
+            *points.block_arrays[:3],
+            *(0, -(-chunks.blocks // GROUP), points.count),
+        ],
         outputs=[seen, length, counts],
         device=chunks.device,
     )
