@@ -87,7 +87,8 @@ class Occlusion:
             device=self._device,
         )
         depths = near.numpy()
-        limits = np.quantile(depths[::16], ROUNDS[1:-1])
+        sample = np.sort(depths[::16])  # not NumPy's quantile, which takes no infinite depths
+        limits = [sample[int(len(sample) * share)] for share in ROUNDS[1:-1]]
         order = np.argsort(np.searchsorted(limits, depths).astype(np.uint8), kind="stable")
         return (
             wp.array(seen.numpy()[:count][order], dtype=wp.int32, device=self._device),
