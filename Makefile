@@ -22,7 +22,7 @@ lint: .venv/lint-ready ## Style, types
 test-peers: .venv/peers-ready ## The tests that compare with Open3D (a 400 MB download)
 	$(BIN)/python -m pytest tests/rendering/test_open3d.py
 
-bench: .venv/peers-ready ## Splat speed beside Open3D and NumPy
+bench: .venv/peers-ready ## Splat speed beside Open3D, NumPy and numba
 	$(BIN)/python -m benchmarks.splat
 
 .venv/ready: pyproject.toml requirements/test.txt
@@ -37,7 +37,7 @@ bench: .venv/peers-ready ## Splat speed beside Open3D and NumPy
 	@touch $@
 
 .venv/peers-ready: .venv/ready
-	$(PIP) "open3d>=0.20"
+	$(PIP) "open3d>=0.20" "numba>=0.60"
 	@touch $@
 
 lock: ## Pin the newest versions again (needs uv)

@@ -23,7 +23,7 @@ from depthwarp.cli.report import Reporter, quiet_warp
 __all__ = ["doctor"]
 
 CORE = ("warp-lang", "numpy", "opencv-python-headless", "pyserial", "typer", "rich")
-EXTRAS = {"viz": "matplotlib", "exr": "OpenEXR"}
+EXTRAS = {"viz": "matplotlib", "exr": "OpenEXR", "zarr": "zarr"}
 
 
 def doctor(as_json: JsonOption = False) -> None:
