@@ -141,11 +141,11 @@ def test_memory_does_not_grow(prepared):
     cloud = cloud_of(2, 2000)
     source = cloud.prepare(device="cpu") if prepared else cloud
     most = []
-    for views in (2 * a_tile, 10 * a_tile):
+    for views in (2 * a_tile, 2 * a_tile, 10 * a_tile):  # the first warms the allocator up
         stream = dw.render_stream(source, turning(lens, views), device="cpu")
         most.append(max(resident() for _ in stream))
     assert 8 * a_tile * 400 * 400 * 9 > 200e6
-    assert most[1] - most[0] < 30e6
+    assert most[2] - most[1] < 30e6
 
 
 def test_what_a_stream_refuses():
