@@ -93,7 +93,7 @@ def test_figures_end_to_end(tmp_path, monkeypatch, capsys):
     done = [json.loads(line) for line in lines.read_text().splitlines()]
     assert done[0]["name"] == "prepared, one view" and done[0]["verdict"] == "MISSED"
     assert {d["name"] for d in done} >= {"preparing", "peak memory, one shot"}
-    assert next(d for d in done if "culling off" in d["name"])["measured"] is None
+    assert next(d for d in done if "culling off" in d["name"])["measured"] > 0
     text = capsys.readouterr().out
     assert all(d["name"] in text and f"{d['target']:.4g}" in text for d in done)
 
