@@ -24,7 +24,7 @@ from depthwarp_kernels.point_source import BLOCK, GROUP, PointSource
 
 __all__ = ["CpuSplatter"]
 
-LEAST_BLOCKS = 128
+LEAST_BLOCKS = 256
 """Blocks of points from which a second thread pays for its buffer."""
 
 PARTS_A_THREAD = 4
