@@ -77,7 +77,7 @@ def draw_curves(
 
 def _draw_panel(panel: Any, samples: Sequence[Sample], label: str) -> dict[str, Any]:
     """One panel; its lines by the names of the peers."""
-    from matplotlib.ticker import LogLocator
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     lines = {}
     for peer in dict.fromkeys(sample.peer for sample in samples):
@@ -96,8 +96,11 @@ def _draw_panel(panel: Any, samples: Sequence[Sample], label: str) -> dict[str, 
         amounts = sorted({sample.amount for sample in samples})
         panel.set_xticks(amounts, map(str, amounts))
         panel.minorticks_off()
+    low, high = panel.get_ylim()
+    if high < 100 * low:  # less than two decades: with numbers between them, in few digits
         panel.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         panel.yaxis.set_major_formatter("{x:g}")
+        panel.yaxis.set_minor_formatter(NullFormatter())
     panel.grid(True, which="major", color="#e3e6e9")
     panel.set_axisbelow(True)
     panel.spines[["top", "right"]].set_visible(False)

@@ -23,7 +23,10 @@ __all__ = ["bench"]
 def bench(
     scene: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Scene; may be given again. The room unless given."),
+        typer.Option(
+            metavar="NAME",
+            help="Scene; may be given again. The room unless given; a wrong name lists all.",
+        ),
     ] = None,
     points: Annotated[
         list[int] | None,
@@ -69,15 +72,15 @@ def find_benchmarks() -> None:
     """See to it that the package `benchmarks` can be imported.
 
     Raises:
-        InputError: depthwarp was installed without its source tree.
+        InputError: The source tree is neither round the package nor the current folder.
     """
-    beside = Path(depthwarp.__file__).resolve().parents[1]
-    if (beside / "benchmarks" / "harness.py").is_file() and str(beside) not in sys.path:
-        sys.path.append(str(beside))
+    for root in (Path(depthwarp.__file__).resolve().parents[1], Path.cwd()):
+        if (root / "benchmarks" / "harness.py").is_file() and str(root) not in sys.path:
+            sys.path.append(str(root))
     importlib.invalidate_caches()
     found = importlib.util.find_spec("benchmarks")
     if found is None or importlib.util.find_spec("benchmarks.harness") is None:
         raise InputError(
-            "benchmarks are in depthwarp's source tree, and this is an installed package: "
-            "clone the repository and run `depthwarp bench` or `make bench` there"
+            "benchmarks are in depthwarp's source tree, which is not here: "
+            "run `depthwarp bench` in the folder of a clone"
         )
