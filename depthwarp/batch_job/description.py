@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,10 @@ import depthwarp
 from depthwarp.batch_job.views import Views, lens_to_dict
 from depthwarp.cloud import PointCloud
 from depthwarp.encodings import Encoding
+from depthwarp.errors import FileFormatError
 from depthwarp.rendering.config import RenderConfig
 
-__all__ = ["describe_batch", "differences"]
+__all__ = ["describe_batch", "differences", "read_description"]
 
 WORDS = {
     "version": "depthwarp",
@@ -66,6 +68,23 @@ def describe_batch(
     return values
 
 
+def read_description(text: str | bytes, path: Path) -> dict[str, Any]:
+    """What a batch says of itself.
+
+    Raises:
+        FileFormatError: The text is not such a description.
+    """
+    try:
+        description = json.loads(text)
+        if description["format"] != "depthwarp batch":
+            raise ValueError("it is of another format")
+    except (KeyError, ValueError, TypeError, RecursionError) as error:
+        raise FileFormatError(
+            f"{path} does not describe a batch ({error}): choose another output"
+        ) from error
+    return dict(description)
+
+
 def differences(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
     """What differs between two descriptions, in words."""
     different = [
@@ -97,9 +116,10 @@ def _meaning(encoding: Encoding | None) -> dict[str, Any]:
             "depth_m": "value",
             "metres_per_unit": 1.0,
         }
+    divisor = "" if encoding.divisor == 1 else f" * {encoding.divisor:g}"
     return {
         "encoding": encoding.name,
         "dtype": "uint16",
-        "depth_m": f"value / {encoding.factor:g} * {encoding.divisor:g}",
+        "depth_m": f"value / {encoding.factor:g}{divisor}",
         "metres_per_unit": encoding.divisor / encoding.factor,
     }

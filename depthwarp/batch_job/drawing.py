@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from depthwarp.batch_job.outputs import Output
 from depthwarp.batch_job.views import Views
 from depthwarp.depth_map import DepthMap
+from depthwarp.errors import CapacityError
 from depthwarp.prepared import PreparedCloud
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.plan import MAP_BYTES, RenderPlan
@@ -26,7 +27,7 @@ def draw_batch(
     output: Output,
     config: RenderConfig,
     *,
-    wrote: Callable[[DepthMap], None] = lambda depth_map: None,
+    wrote: Callable[[Sequence[DepthMap]], None] = lambda maps: None,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> None:
     """Draw and write the views that an output lacks.
@@ -38,7 +39,7 @@ def draw_batch(
         cloud: The cloud, on the device where it is drawn.
         output: Where to write, after its `begin`.
         config: Depth kind, bounds and filters.
-        wrote: Called with each map that has been written, in another thread.
+        wrote: Called with the maps of each tile that has been written, in another thread.
         is_stopped: Asked before each tile; where it is true, what is drawn is written and the rest
             left.
 
@@ -58,7 +59,7 @@ def draw_batch(
                 plan.look_from(views)
             else:
                 plan = None  # its buffers are let go before there are others
-                plan = RenderPlan(views, config, cloud.device)
+                plan = _plan(views, config, cloud)
                 key, count = group, len(numbers)
             plan.render(cloud)
             maps = plan.depth_maps()
@@ -67,6 +68,17 @@ def draw_batch(
             writing = writer.submit(output.write, numbers, maps, wrote)
         if writing is not None:
             writing.result()
+
+
+def _plan(views: Sequence[ViewPlan], config: RenderConfig, cloud: PreparedCloud) -> RenderPlan:
+    """A plan; if it does not fit the memory, with what to do about it in a batch."""
+    try:
+        return RenderPlan(views, config, cloud.device)
+    except CapacityError as error:
+        needed = str(error).rpartition(": ")[0]
+        raise CapacityError(
+            f"{needed}: give a smaller size, with --size or in the file of the lens"
+        ) from error
 
 
 def _tiles(views: Views, done: np.ndarray) -> Iterator[tuple[int, list[int]]]:

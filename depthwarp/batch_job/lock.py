@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -9,7 +10,18 @@ from pathlib import Path
 
 from depthwarp.errors import InputError
 
-__all__ = ["locked"]
+__all__ = ["FULL", "cannot_begin", "locked"]
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors that more room puts right."""
+
+
+def cannot_begin(output: Path, error: OSError) -> InputError:
+    """What to say where not even the first file can be made."""
+    remedy = (
+        "make room or choose another folder" if error.errno in FULL else "choose another folder"
+    )
+    return InputError(f"cannot write {output}: {error.strerror}; {remedy}")
 
 
 @contextmanager
@@ -29,9 +41,7 @@ def locked(path: Path, output: Path) -> Iterator[None]:
     try:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:
-        raise InputError(
-            f"cannot write {output}: {error.strerror}; make room or choose another folder"
-        ) from error
+        raise cannot_begin(output, error) from error
     try:
         if not _take(handle) or not _is_still(handle, path):
             raise InputError(

@@ -48,8 +48,8 @@ class NpzFile(Stacked):
         if self._bytes > MOST_BYTES:
             raise InputError(
                 f"cannot write {path}: {count} views of {width} x {height} px are "
-                f"{self._bytes / 1e9:.3g} GB, more than the {MOST_BYTES / 1e9:.3g} GB that one NPZ "
-                "may have; give a folder, or a .zarr, in its place"
+                f"{_size(self._bytes)}, more than the {_size(MOST_BYTES)} that one NPZ may "
+                "have; give a folder, or a .zarr, in its place"
             )
         # Without buffers: what a full disk did not take is not tried again when they are closed.
         self._files: dict[str, FileIO] = {}
@@ -119,8 +119,8 @@ class NpzFile(Stacked):
         free = shutil.disk_usage(self.work.folder).free
         if 2 * self._bytes > free:
             raise InputError(
-                f"cannot write {self.path}: it will be {self._bytes / 1e9:.3g} GB and takes twice "
-                f"that while it is made, {free / 1e9:.3g} GB are free; make room, or give a folder"
+                f"cannot write {self.path}: it will be {_size(self._bytes)} and takes twice that "
+                f"while it is made, {_size(free)} are free; make room, or give a folder"
             )
         header = {"descr": npy.dtype_to_descr(np.dtype(ARRAYS[name])), "fortran_order": False}
         with path.open("wb") as file:
@@ -152,3 +152,8 @@ class NpzFile(Stacked):
         except BaseException:
             whole.unlink(missing_ok=True)
             raise
+
+
+def _size(count: int) -> str:
+    """A number of bytes, as a person reads it."""
+    return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"

@@ -61,7 +61,10 @@ class Output(ABC):
         """
 
     def write(
-        self, numbers: Sequence[int], maps: Sequence[DepthMap], wrote: Callable[[DepthMap], None]
+        self,
+        numbers: Sequence[int],
+        maps: Sequence[DepthMap],
+        wrote: Callable[[Sequence[DepthMap]], None],
     ) -> None:
         """Write views, in order; they count when all of them are on the disk.
 
@@ -70,7 +73,7 @@ class Output(ABC):
         Args:
             numbers: Of the views.
             maps: Their depth maps.
-            wrote: Called with each map, when they count.
+            wrote: Called with the maps, when they count.
 
         Raises:
             InputError: The disk is full.
@@ -84,11 +87,15 @@ class Output(ABC):
                     whole.append(self._entry(number, depth_map) | entry)
             finally:
                 self.work.record(whole, self._made_of(whole))
-        for depth_map in maps:
-            wrote(depth_map)
+        wrote(maps)
 
-    def finish(self) -> None:  # noqa: B027
-        """All views are written."""
+    @abstractmethod
+    def finish(self) -> None:
+        """Do what is left when all views are written.
+
+        Raises:
+            InputError: The disk is full.
+        """
 
     @abstractmethod
     def _put_all(self, numbers: Sequence[int], maps: Sequence[DepthMap]) -> Iterator[Entry]:
@@ -135,6 +142,11 @@ class PngFolder(Output):
         # Loads the kernel before several threads launch it.
         encode_depth(np.zeros((1, 1), np.float32), self._encoding, device="cpu")
         self.work.begin(description, len(self.views), self._is_whole)
+
+    def finish(self) -> None:
+        """Put the journal's lines in the order of the views."""
+        with disk_errors(self.path):
+            self.work.put_in_order()
 
     def _put_all(self, numbers: Sequence[int], maps: Sequence[DepthMap]) -> Iterator[Entry]:
         images = self._pool.map(self._image, maps)  # several at once: packing is slow

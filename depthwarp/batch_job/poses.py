@@ -58,20 +58,20 @@ def table_of(poses: Sequence[Pose]) -> PoseTable:
     return PoseTable(np.array(rows, np.float64), _pose_of_fields)
 
 
-def csv_poses(path: Path) -> tuple[PoseTable, list[str] | None]:
+def csv_poses(path: Path) -> tuple[PoseTable, list[str] | None, Sequence[int]]:
     """Read a CSV: a row of column names, then a pose a row, as `--position` and `--orientation`.
 
     Columns are x, y, z [m], roll, pitch, yaw [degrees] and, where views have names, name, in any
     order; other columns are passed over. Cells are separated by commas or semicolons.
 
     Returns:
-        The poses, and the names if there is such a column.
+        The poses, the names if there is such a column, and the line of each.
 
     Raises:
         FileFormatError: A column is missing, a row is cut short, a cell is no finite number, or
             there is no pose; the message names the line.
     """
-    numbers, names = array("d"), list[str]()
+    numbers, names, lines = array("d"), list[str](), array("q")
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             header = file.readline()
@@ -91,6 +91,7 @@ def csv_poses(path: Path) -> tuple[PoseTable, list[str] | None]:
                     )
                 words = [row[column].strip() for column in columns]
                 numbers.extend(finite_numbers(path, line, words, ", ".join(CSV_COLUMNS)))
+                lines.append(line)
                 if name_column is not None:
                     names.append(row[name_column].strip())
     except (UnicodeDecodeError, csv.Error) as error:
@@ -98,7 +99,7 @@ def csv_poses(path: Path) -> tuple[PoseTable, list[str] | None]:
     if not numbers:
         raise FileFormatError(f"{path}: no pose in it; copy or write it again")
     table = np.frombuffer(numbers, np.float64).reshape(-1, len(CSV_COLUMNS))
-    return PoseTable(table, _pose_of_orientation), None if name_column is None else names
+    return PoseTable(table, _pose_of_orientation), None if name_column is None else names, lines
 
 
 def npz_poses(path: Path) -> PoseTable | None:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from depthwarp.batch_job.description import differences
+from depthwarp.batch_job.description import differences, read_description
 from depthwarp.batch_job.outputs import Output
 from depthwarp.batch_job.views import Views
-from depthwarp.batch_job.workplace import Entry, disk_errors, read_description
+from depthwarp.batch_job.workplace import Entry, disk_errors
 from depthwarp.depth_map import RenderStats
 from depthwarp.errors import InputError
 from depthwarp.io.atomic import sync

@@ -123,8 +123,9 @@ def read_views(
         raise FileNotFoundError(f"{path}: there is no such file; check the name and the folder")
     if path.is_file() and path.stat().st_size == 0:
         raise FileFormatError(f"{path}: the file is empty (0 bytes); copy or write it again")
-    poses, names = _poses_of(path)
+    poses, names, lines = _poses_of(path)
     if poses is not None:
+        names = Numbered(len(poses)) if names is None else _file_names(path, names, lines)
         return _posed(path, poses, names, lens)
     if not _is_camera_file(path):
         raise FileFormatError(f"{path}: neither poses nor cameras of a known format: {KNOWN}")
@@ -143,16 +144,18 @@ def lens_to_dict(camera: Camera) -> dict[str, Any]:
     return entries
 
 
-def _poses_of(path: Path) -> tuple[PoseTable | None, Sequence[str] | None]:
-    """Poses and names of a file without a lens; None and None of any other."""
+def _poses_of(
+    path: Path,
+) -> tuple[PoseTable | None, Sequence[str] | None, Sequence[int] | None]:
+    """Poses, names and their lines of a file without a lens; None of any other."""
     suffix = path.suffix.lower()
     if suffix == ".csv":
         return csv_poses(path)
     if suffix == ".npz":
-        return npz_poses(path), None
+        return npz_poses(path), None, None
     if any(_module(name).matches(path) for name in TRAJECTORIES):
-        return table_of(load_trajectory(path).poses), None
-    return None, None
+        return table_of(load_trajectory(path).poses), None, None
+    return None, None, None
 
 
 def _is_camera_file(path: Path) -> bool:
@@ -166,7 +169,7 @@ def _module(name: str) -> Any:
     return importlib.import_module(f"depthwarp.cameras.formats.{name}")
 
 
-def _posed(path: Path, poses: PoseTable, names: Sequence[str] | None, lens: Camera | None) -> Views:
+def _posed(path: Path, poses: PoseTable, names: Sequence[str], lens: Camera | None) -> Views:
     """Views of one lens."""
     if lens is None:
         raise InputError(
@@ -178,7 +181,6 @@ def _posed(path: Path, poses: PoseTable, names: Sequence[str] | None, lens: Came
             "--camera: this sensor moves while it measures, from its pose to a second one; poses "
             "of a file cannot say both"
         )
-    names = Numbered(len(poses)) if names is None else _file_names(path, names)
     return Views((lens,), np.zeros(len(poses), np.int32), poses, names)
 
 
@@ -194,16 +196,22 @@ def _of_rig(path: Path, rig: Rig) -> Views:
     return Views(different, lens_of, poses, _file_names(path, rig.names))
 
 
-def _file_names(path: Path, names: Iterable[str]) -> list[str]:
+def _file_names(path: Path, names: Iterable[str], lines: Sequence[int] | None = None) -> list[str]:
     """Names of views as names of files without a suffix.
+
+    Args:
+        path: The file that has them, for messages.
+        names: Of the views.
+        lines: Where they stand; without it messages give the views' numbers, from 0.
 
     Raises:
         FileFormatError: A name that leads out of the folder or that no file can have, or two that
             would be one file.
     """
-    cleaned: dict[str, str] = {}
+    cleaned: dict[str, tuple[str, str]] = {}
     files = []
-    for name in names:
+    for number, name in enumerate(names):
+        place = f"view {number}" if lines is None else f"line {lines[number]}"
         pure = PurePosixPath(name.replace("\\", "/"))
         file = str(pure.with_suffix("") if pure.suffix.lower() in IMAGE_SUFFIXES else pure)
         parts = PurePosixPath(file).parts
@@ -216,14 +224,15 @@ def _file_names(path: Path, names: Iterable[str]) -> list[str]:
             )
         ):
             raise FileFormatError(
-                f"{path}: the view's name {name[:60]!r} cannot be a file in the output folder; "
-                "rename it"
+                f"{path}: {place}: the view's name {name[:60]!r} cannot be a file in the output "
+                "folder; rename it"
             )
         other = cleaned.get(file.casefold())
         if other is not None:
             raise FileFormatError(
-                f"{path}: the views {other!r} and {name!r} would be one file; rename one of them"
+                f"{path}: {other[0]} ({other[1]!r}) and {place} ({name!r}) would be one file; "
+                "rename one of the two"
             )
-        cleaned[file.casefold()] = name
+        cleaned[file.casefold()] = place, name
         files.append(file)
     return files

@@ -1,7 +1,8 @@
 """The folder in which a batch comes about: its lock, its description and its journal.
 
 - `batch.json`: what is drawn and how to read it, written once, before the first view;
-- `views.jsonl`: one line a view that is whole: name, lens, pose, counts;
+- `views.jsonl`: one line a view that is whole: name, lens, pose, counts; in the order of the
+  views when all of them are there;
 - `.unfinished`: what is being written; it gets its name when it is whole.
 
 A line of the journal is written when its view's files are on the disk, not only in the system's
@@ -23,9 +24,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from depthwarp.batch_job.description import differences
-from depthwarp.batch_job.lock import locked
-from depthwarp.errors import FileFormatError, InputError
+from depthwarp.batch_job.description import differences, read_description
+from depthwarp.batch_job.journal import is_in_order, lines_in_order
+from depthwarp.batch_job.lock import FULL, cannot_begin, locked
+from depthwarp.errors import InputError
 from depthwarp.io.atomic import sync
 
 __all__ = [
@@ -33,7 +35,6 @@ __all__ = [
     "JOURNAL",
     "Workplace",
     "disk_errors",
-    "read_description",
     "write_all",
 ]
 
@@ -56,27 +57,11 @@ def disk_errors(output: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        remedy = "make room" if error.errno in FULL else "let files be written there"
         raise InputError(
             f"cannot write {error.filename or output}: {error.strerror or error}; what is written "
-            "stays: make room, and the same command continues"
+            f"stays: {remedy}, and the same command continues"
         ) from error
-
-
-def read_description(text: str | bytes, path: Path) -> Entry:
-    """What a batch says of itself.
-
-    Raises:
-        FileFormatError: The text is not such a description.
-    """
-    try:
-        description = json.loads(text)
-        if description["format"] != "depthwarp batch":
-            raise ValueError("it is of another format")
-    except (KeyError, ValueError, TypeError, RecursionError) as error:
-        raise FileFormatError(
-            f"{path} does not describe a batch ({error}): choose another output"
-        ) from error
-    return dict(description)
 
 
 def write_all(file: FileIO, content: bytes | memoryview) -> None:
@@ -128,8 +113,10 @@ class Workplace:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"cannot write {self.output}: {folder} is a file; choose another name")
         self._is_ours_to_remove = not folder.exists()
-        with disk_errors(self.output):
+        try:
             folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise cannot_begin(self.output, error) from error
         try:
             self._stack.enter_context(locked(folder / LOCK, self.output))
             self._check_nothing_else()  # now: before, another run may just have begun
@@ -183,7 +170,8 @@ class Workplace:
             self._journal = FileIO(journal, "ab")
             self.done = np.zeros(count, np.bool_)
             if sum(map(len, self._good_lines(is_whole))) != journal.stat().st_size:
-                self._keep_good_lines(is_whole)
+                # Without lines that were cut short, and views that are gone.
+                self._write_journal(self._good_lines(is_whole))
 
     def put(self, target: Path, content: bytes) -> None:
         """Write a file, which appears whole or not at all; `record` waits until it is on the disk.
@@ -237,6 +225,16 @@ class Workplace:
             raise
         self.done[[entry["view"] for entry in entries]] = True
 
+    def put_in_order(self) -> None:
+        """Let the journal's lines stand in the order of the views, as if nothing had ended it.
+
+        Raises:
+            OSError: The disk is full; the journal is as it was.
+        """
+        journal = self.folder / JOURNAL
+        if not is_in_order(journal):
+            self._write_journal(lines_in_order(journal))
+
     def entries(self) -> Iterator[Entry]:
         """What the journal says of each view that is done, in the order of their writing."""
         with (self.folder / JOURNAL).open("rb") as lines:
@@ -259,14 +257,14 @@ class Workplace:
                     self.done[number] = True
                     yield line
 
-    def _keep_good_lines(self, is_whole: Callable[[Entry], bool]) -> None:
-        """Write the journal anew, without lines that were cut short and views that are gone."""
+    def _write_journal(self, lines: Iterable[bytes]) -> None:
+        """Write the journal anew; it is the old one until the new one is on the disk."""
         assert self._journal is not None
         self._journal.close()
         unfinished, journal = self.folder / UNFINISHED, self.folder / JOURNAL
         try:
             with unfinished.open("wb") as file:
-                file.writelines(self._good_lines(is_whole))
+                file.writelines(lines)
             sync(unfinished)
             os.replace(unfinished, journal)
         except OSError:

@@ -65,10 +65,12 @@ def rotation_from_quaternion(quaternion: npt.ArrayLike) -> Float64Array:
     error = np.abs(length - 1)
     if (error > UNIT_TOLERANCE).any():
         worst = np.unravel_index(int(np.argmax(error)), error.shape)
+        # By their names: files have w first or last.
+        named = zip("wxyz", given[worst[:-1]].tolist(), strict=True)
         raise InputError(
             f"quaternion must have length 1 within {UNIT_TOLERANCE:g}, got "
-            f"{tuple(given[worst[:-1]].tolist())} of length {length[worst]:.6g}; check the order "
-            "of its numbers and the column that it begins in"
+            f"{', '.join(f'{name} = {value}' for name, value in named)} of length "
+            f"{length[worst]:.6g}; check the order of its numbers and the column that it begins in"
         )
     w, x, y, z = np.moveaxis(given / length, -1, 0)
     entries = [

@@ -5,19 +5,13 @@ from __future__ import annotations
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from depthwarp.cli.signals import ENDING
 from depthwarp.errors import DepthwarpError
@@ -34,7 +28,7 @@ class DrawnLine:
     """How many views are written, how fast, and how long the rest will take.
 
     On a terminal one line that is drawn again and again, else a line about every tenth of the way.
-    Called with each map that is written, in any thread.
+    Called with the maps of each tile that is written, in any thread.
 
     Args:
         total: Number of views.
@@ -55,23 +49,24 @@ class DrawnLine:
             BarColumn(bar_width=None),
             MofNCompleteColumn(),
             TextColumn("{task.fields[rate]} views/s"),
-            TimeRemainingColumn(compact=True),
+            TextColumn("{task.fields[left]}"),
         )
         is_live = self._console.is_terminal
         self._bar = Progress(*columns, console=self._console, expand=True, disable=not is_live)
-        self._task = self._bar.add_task("", total=total, completed=before, rate="-")
+        self._task = self._bar.add_task("", total=total, completed=before, rate="-", left="-:--")
 
-    def __call__(self, depth_map: DepthMap) -> None:
-        """Show that one more view is written."""
-        self._done += 1
-        self.empty += depth_map.stats.drawn == 0
+    def __call__(self, maps: Sequence[DepthMap]) -> None:
+        """Show that more views are written."""
+        self._done += len(maps)
+        self.empty += sum(depth_map.stats.drawn == 0 for depth_map in maps)
         rate = (self._done - self._before) / max(time.perf_counter() - self._begun, 1e-9)
-        self._bar.update(self._task, completed=self._done, rate=f"{rate:,.0f}")
+        left = (self._total - self._done) / rate
+        self._bar.update(self._task, completed=self._done, rate=f"{rate:,.0f}", left=_minutes(left))
         if self._bar.disable and self._done * 10 // self._total > self._tenths:
             self._tenths = self._done * 10 // self._total
             self._console.print(
                 f"drawing: {self._done:,} of {self._total:,}, {rate:,.1f} views/s, "
-                f"{(self._total - self._done) / rate:,.0f} s left",
+                f"{left:,.0f} s left",
                 soft_wrap=True,
             )
 
@@ -82,6 +77,13 @@ class DrawnLine:
 
     def __exit__(self, *exception: object) -> None:
         self._bar.stop()
+
+
+def _minutes(seconds: float) -> str:
+    """A time as minutes and seconds, from an hour on with the hours before them."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
 class Interruption:

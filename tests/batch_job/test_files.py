@@ -52,6 +52,8 @@ def test_every_png_holds_the_values_of_render(room, tmp_path, options, encoding,
         assert line["counts"] == dict(expected.stats)
         assert camera_from_dict(about["lenses"][line["lens"]] | line) == camera
     assert about["metres_per_unit"] == numbers.divisor / numbers.factor
+    meaning = {"range16": f"value / 65535 * {numbers.divisor:g}", "millimetres": "value / 1000"}
+    assert about["depth_m"] == meaning[encoding]
     assert about["depth_kind"] == settings.get("depth", "range")
 
 
@@ -116,6 +118,8 @@ def test_cameras_of_a_file_bring_lenses_sizes_and_names(room, tmp_path):
     out = tmp_path / "out"
     result = invoke("batch", room, model, "-o", out, "--filters", "none")
     assert result.exit_code == 0, result.output
+    lines = (out / "views.jsonl").read_text().splitlines()
+    assert [json.loads(line)["view"] for line in lines] == [0, 1, 2]  # drawn lens after lens
     for name, camera in dw.cameras.load_rig(model).items():
         expected = dw.render(dw.read(room), camera).depth
         found = cv2.imread(str(out / name.replace(".jpg", ".png")), cv2.IMREAD_UNCHANGED)

@@ -74,6 +74,16 @@ def test_a_full_disk_while_the_npz_is_put_together(room, tmp_path, monkeypatch):
     assert out.exists() and not (tmp_path / "out.npz.part").exists()
 
 
+def test_an_npz_that_has_no_room_says_sizes_that_can_be_read(room, tmp_path, monkeypatch):
+    """Less than a gigabyte is said in megabytes."""
+    poses, usage = write_csv(tmp_path / "poses.csv", 5), shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage._replace(free=6_290_000))
+    job = ("batch", room, poses, "-o", tmp_path / "out.npz", "--fov", "70", "55", "--size")
+    result = invoke(*job, "10000", "10000")
+    assert result.exit_code == 2 and not (tmp_path / "out.npz.part").exists()
+    assert "it will be 4.5 GB" in result.stderr and "6.29 MB are free" in result.stderr
+
+
 def test_a_defect_of_the_writer_is_not_hidden(room, tmp_path, monkeypatch):
     """Any error in the writer's thread ends the job with its own exit code."""
 

@@ -83,7 +83,10 @@ def test_chunks_that_are_damaged_are_written_again(room, tmp_path):
 
 
 def test_what_is_damaged_is_drawn_again(room, tmp_path):
-    """A torn line, a file of no bytes and one that is gone: only these views are drawn again."""
+    """A torn line, a file of no bytes and one that is gone: only these views are drawn again.
+
+    In the end all files are as before, the journal with its lines in the order of the views too.
+    """
     poses = write_csv(tmp_path / "poses.csv", 10)
     out, job = tmp_path / "out", ("batch", room, poses, *LENS)
     assert invoke(*job, "-o", out).exit_code == 0
@@ -91,11 +94,24 @@ def test_what_is_damaged_is_drawn_again(room, tmp_path):
     damage(out)
     result = invoke(*job, "-o", out, "--json")
     assert json.loads(result.stdout)["drawn"] == 4
-    after = content(out)
-    assert sorted(after.pop("views.jsonl").splitlines()) == sorted(
-        before.pop("views.jsonl").splitlines()
-    )
-    assert after == before
+    assert content(out) == before
+
+
+def test_a_full_disk_at_the_ordering_loses_no_line(room, tmp_path, monkeypatch):
+    """The journal stays as it was, whole; the same command puts it in order."""
+    poses, out = write_csv(tmp_path / "poses.csv", 10), tmp_path / "out"
+    job = ("batch", room, poses, *LENS, "-o", out, "--json")
+    assert invoke(*job).exit_code == 0
+    before = content(out)
+    (out / "000003.png").unlink()
+    with monkeypatch.context() as patch:
+        patch.setattr(workplace, "lines_in_order", full_disk)
+        result = invoke(*job)
+    assert result.exit_code == 2 and "the same command continues" in result.stderr
+    lines = (out / "views.jsonl").read_bytes().splitlines()
+    assert [json.loads(line)["view"] for line in lines] == [0, 1, 2, 4, 5, 6, 7, 8, 9, 3]
+    assert json.loads(invoke(*job).stdout)["drawn"] == 0
+    assert content(out) == before
 
 
 def test_a_batch_that_is_whole_is_left_as_it_is(room, tmp_path):

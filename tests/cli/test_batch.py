@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import depthwarp as dw
+from depthwarp.cli import batch_progress
 from tests.cli.terminal import on_terminal
 
 LENS = ("--fov", "70", "55", "--size", "16", "12")
@@ -61,15 +64,23 @@ def poses(tmp_path: Path) -> Path:
         ("word.csv", CSV + "1,2,3,up,0,0\n", ("line 3", "'up'")),
         ("nan.csv", CSV + "\n1,2,3,nan,0,0\n", ("line 4", "'nan'")),
         ("binary.csv", "x,y,z,roll,pitch,yaw\n\0", ("binary.csv", "line 2")),
-        ("tum.txt", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 0.9\n", ("tum.txt", "line 2", "0.9")),
+        (
+            "tum.txt",
+            "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 0.9\n",
+            ("tum.txt", "line 2", "w = 0.9, x = 0"),
+        ),
         ("cut.txt", "0 0 0 0 0 0 0 1\n1 0 0 0 0\n", ("cut.txt", "line 2", "8", "5")),
         ("kitti.txt", "1 0 0 0 0 1 0 0 0 0 1.01 0\n", ("kitti.txt", "line 1", "0.02")),
         ("words.txt", "nothing of this kind\n", ("words.txt", "TUM", ".csv", "COLMAP")),
-        ("named.csv", "name," + CSV.replace("0,0,0,0", "../a,0,0,0,0"), ("'../a'", "rename")),
+        (
+            "named.csv",
+            "name," + CSV.replace("0,0,0,0", "../a,0,0,0,0"),
+            ("line 2", "'../a'", "rename"),
+        ),
         (
             "doubled.csv",
             "name,x,y,z,roll,pitch,yaw\na.png,0,0,0,0,0,0\nA.jpg,0,0,0,0,0,0\n",
-            ("'a.png'", "'A.jpg'", "one file"),
+            ("line 2 ('a.png')", "line 3 ('A.jpg')", "one file"),
         ),
     ],
 )
@@ -119,7 +130,7 @@ def test_an_npz_of_something_else(refuse, wall, tmp_path):
         (("--camera", "missing.yaml"), ("missing.yaml",)),
         ((*LENS, "--fov", "0", "55"), ("fov",)),
         ((*LENS, "--size", "0", "12"), ("size",)),
-        ((*LENS, "--size", "1000000", "1000000"), ("GB", "smaller size")),
+        ((*LENS, "--size", "1000000", "1000000"), ("GB", "smaller size, with --size")),
         ((*LENS, "--max-range", "0"), ("max_range",)),
         ((*LENS, "--max-range", "inf"), ("finite max_range",)),
         ((*LENS, "--max-range", "100", "--encoding", "millimetres"), ("65.535", "--encoding")),
@@ -152,7 +163,7 @@ def test_clouds_that_cannot_be_drawn(refuse, poses, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_outputs_that_cannot_be_written(refuse, wall, poses, tmp_path):
+def test_outputs_that_cannot_be_written(refuse, run, wall, poses, tmp_path):
     """Other suffixes, missing folders, folders and files that are somebody else's."""
     for name in ("out.png", "out.h5", "out.tiff"):
         refuse(wall, poses, *LENS, output=name, says=(name, "give a folder"))
@@ -160,6 +171,9 @@ def test_outputs_that_cannot_be_written(refuse, wall, poses, tmp_path):
     refuse(wall, poses, *LENS, output="wall.xyz", says=("wall.xyz", "is a file"))
     refuse(wall, poses, *LENS, output=".", says=("holds other files",))
     refuse(wall, poses, "--encoding", "kitti", *LENS, output="o.npz", says=("encoding",))
+    refused = run("batch", wall, poses, "-o", "/proc/out", *LENS)
+    assert refused.exit_code == 2 and "/proc/out" in refused.stderr
+    assert refused.stderr.endswith("; choose another folder\n")  # where no room would help
     np.savez(tmp_path / "taken.npz", a=np.zeros(3))
     refuse(wall, poses, *LENS, output="taken.npz", says=("taken.npz", "not a batch"))
     (tmp_path / "folder.npz").mkdir()
@@ -210,6 +224,35 @@ def test_an_error_is_also_an_object_with_json(run, wall, poses, tmp_path):
     """A program that asked for JSON gets the error as JSON."""
     result = run("batch", wall, poses, "-o", tmp_path / "out", "--json")
     assert "no lens" in json.loads(result.stdout)["error"]
+
+
+def test_a_log_has_a_line_a_tile_and_about_ten_in_all(run, wall, tmp_path, monkeypatch):
+    """Nine views of one tile are one line; a hundred tiles are a line about every tenth."""
+    from depthwarp.batch_job import drawing
+
+    for count, tile, shown in ((9, 128, [9]), (100, 1, range(10, 101, 10)), (12, 5, [5, 10, 12])):
+        monkeypatch.setattr(drawing, "TILE_VIEWS", tile)
+        path = tmp_path / "poses.csv"
+        path.write_text(CSV + "0,0,0,0,0,0\n" * (count - 1))
+        result = run("batch", wall, path, "-o", tmp_path / f"out{count}", *LENS)
+        lines = [line for line in result.stderr.splitlines() if line.startswith("drawing:")]
+        assert [line.split(",")[0] for line in lines] == [
+            f"drawing: {done} of {count}" for done in shown
+        ]
+
+
+def test_the_time_left_is_that_of_the_rate(monkeypatch, capsys):
+    """On a terminal: 128 of 700 views after two seconds are 64 views/s, and 9 s to go."""
+    now = [100.0]
+    monkeypatch.setattr(batch_progress.time, "perf_counter", lambda: now[0])
+    for name, value in (("FORCE_COLOR", "1"), ("TERM", "xterm"), ("COLUMNS", "80")):
+        monkeypatch.setenv(name, value)
+    wall_seen = [SimpleNamespace(stats=SimpleNamespace(drawn=1))]
+    with batch_progress.DrawnLine(700, 0) as drawn:
+        now[0] += 2
+        drawn(wall_seen * 128)
+    shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", capsys.readouterr().err)
+    assert "128/700 64 views/s 0:09" in shown
 
 
 def test_a_terminal_shows_rate_and_time_left(wall, tmp_path):

@@ -72,7 +72,10 @@ def test_poses_rounded_in_the_source_come_back_to_their_rounding(tmp_path: Path)
         (LINE[:-8], "line 1: expected 8 numbers .* got 7; the file is cut short"),
         (LINE + " 5", "line 1: expected 8 numbers .* got 9"),
         (f"# c\n{LINE}\n{LINE}", "line 3: times must ascend, got 1305031102.1758 after"),
-        (LINE.replace("0.6574", "0.9574"), "line 1: quaternion must have length 1 within 0.001"),
+        (
+            LINE.replace("0.6574", "0.9574"),
+            "line 1: quaternion must have length 1 within 0.001, got w = -0.3248, x = 0.9574",
+        ),
         (LINE.replace("0.6266", "nan"), "line 1: .* must be finite numbers, got 'nan'"),
         (LINE.replace("0.6266", "1e999"), "line 1: .* must be finite numbers, got '1e999'"),
         (LINE.replace("0.6266", "0_6"), "line 1: .* must be finite numbers, got '0_6'"),
