@@ -28,9 +28,12 @@ class State(IntEnum):
     MEASURED = 1
     """The depth of the point that fell here."""
     FILLED = 2
-    """A filter wrote the depth of another pixel here."""
+    """A filter wrote a depth here: of another pixel, or of the surface that surrounds this one."""
     ERASED = 3
-    """A filter took the point that fell here for one seen through a gap, and emptied the pixel."""
+    """A filter took the point that fell here for one seen through a gap, and emptied the pixel; or
+    left its depth on request, which then counts as empty for later filters."""
+    FILLED_BORDER = 4
+    """A filter wrote the depth of the nearest pixel of a surface that ends here or beside here."""
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,9 @@ AnyCamera = TypeVar("AnyCamera", bound="Camera")
 DOMAIN_GRID = 65
 """Pixels a side at which a lens's domain is compared with its image."""
 
+PITCH_GRID = 17
+"""Pixels a side at which the way between neighbours is measured."""
+
 LEAST_Z_COSINE = math.cos(math.radians(85))
 """Where z depth ends for lenses that see beside themselves, as in the kernel."""
 
@@ -125,6 +128,31 @@ class Camera(ABC):
     def cull_limits(self) -> tuple[float, ...]:
         """At most 16 numbers: what the lens sees, as its model's culling reads them."""
         return ()
+
+    @cached_property
+    def pixel_pitch(self) -> tuple[float, float]:
+        """Way between neighbouring pixels in the scene: (for each metre of depth, constant [m]).
+
+        At a depth z two neighbours are `z * pitch[0] + pitch[1]` metres apart, across their rays.
+        Measured in the middle of the image, or as near to it as the lens has rays, along columns
+        or rows, whichever is wider. Filters scale their slopes with it.
+        """
+        columns, rows = (np.unique(np.linspace(0, side - 1, PITCH_GRID)) for side in self.size)
+        v, u = (grid.ravel() for grid in np.meshgrid(rows, columns, indexing="ij"))
+        nearest = np.argsort(np.hypot(u - columns.mean(), v - rows.mean()), kind="stable")
+        u, v = u[nearest], v[nearest]
+        # Backwards at the last row, which has no next one.
+        beside = np.where(v + 1 <= self.height - 1, v + 1, np.maximum(v - 1, 0))
+        rays = self.directions(u, v)
+        steps = [self.directions(u + 1, v) - rays, self.directions(u, beside) - rays]
+        angles = np.max([np.linalg.norm(step, axis=-1) for step in steps], axis=0)
+        seen = angles[np.isfinite(angles)]
+        return (float(seen[0]) if seen.size else 0.0), 0.0
+
+    @property
+    def wraps(self) -> bool:
+        """Whether the first and the last column are neighbours, as those of a full turn are."""
+        return False
 
     def with_pose(self: AnyCamera, pose: Pose) -> AnyCamera:
         """The same lens at another place.

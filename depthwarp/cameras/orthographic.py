@@ -113,6 +113,11 @@ class OrthographicCamera(Camera):
         return axis
 
     @cached_property
+    def pixel_pitch(self) -> tuple[float, float]:
+        """The same at every depth; see `Camera.pixel_pitch`."""
+        return 0.0, self.pixel_size
+
+    @cached_property
     def cull_limits(self) -> tuple[float, ...]:
         """Half the image and a pixel more, in y and z [m]; see `Camera.cull_limits`."""
         y, z = (0.5 * (side + 2) * self.pixel_size for side in self.size)

@@ -106,6 +106,11 @@ class _Panorama(Camera):
         """Row of elevation 0 [px]."""
         return self.fy * self.rise_of(math.radians(self.elevations[1])) - 0.5
 
+    @property
+    def wraps(self) -> bool:
+        """Whether the picture is a full turn."""
+        return self.azimuths == 360
+
     def columns_of(self, points_camera: Float64Array) -> Float64Array:
         """Columns of points; where the picture is a full turn, its ends meet."""
         u = self.cx - self.fx * np.arctan2(points_camera[..., 1], points_camera[..., 0])

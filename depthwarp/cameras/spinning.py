@@ -125,6 +125,11 @@ class SpinningLidar(Camera):
         return len(self.beam_elevations)
 
     @property
+    def wraps(self) -> bool:
+        """A full turn, always."""
+        return True
+
+    @property
     def fx(self) -> float:
         """Columns a radian."""
         return self.width / (2 * math.pi)

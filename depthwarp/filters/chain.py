@@ -13,15 +13,21 @@ from depthwarp.depth_map import DepthMap
 from depthwarp.devices import resolve_device
 from depthwarp.errors import InputError
 from depthwarp.filters.dilation import dilate
+from depthwarp.filters.filling import fill
 from depthwarp.filters.hidden import remove_hidden
-from depthwarp.filters.maps import DeviceMaps, Filter
+from depthwarp.filters.maps import DeviceMaps, Filter, device_grids
 
-__all__ = ["apply", "check_filters", "paper"]
+__all__ = ["apply", "best", "check_filters", "paper"]
 
 
 def paper() -> tuple[Filter, ...]:
     """The paper's chain: erase in a window of 10 px at 0.5 m, then dilation by 10 px."""
     return remove_hidden("paper", side=10, threshold=0.5), dilate("paper", side=10)
+
+
+def best() -> tuple[Filter, ...]:
+    """The most accurate chain: erase what is surrounded, then fill with planes, layer by layer."""
+    return remove_hidden("surround"), fill("plane")
 
 
 def check_filters(filters: Sequence[Filter] | None) -> tuple[Filter, ...]:
@@ -46,8 +52,13 @@ def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None 
         depth_map: The map to filter.
         filters: A chain such as `paper()`.
         device: Where to compute; None is Warp's default device.
+
+    Raises:
+        InputError: Not a sequence of filters, or maps of another size than the camera's image.
+        DeviceError: The device is not on this machine.
     """
     chain = check_filters(filters)
+    _check_sizes(depth_map)
     target = resolve_device(device)
 
     def upload(values: npt.NDArray[Any], dtype: Any) -> Any:
@@ -57,6 +68,7 @@ def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None 
         depth=upload(depth_map.depth, wp.float32),
         index=upload(depth_map.index, wp.int32),
         state=upload(depth_map.state, wp.uint8),
+        grids=device_grids([depth_map.camera], target),
     )
     for step in chain:
         step.build(maps)()
@@ -67,3 +79,14 @@ def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None 
         state=maps.state.numpy()[0],
         filters=(*depth_map.filters, *map(repr, chain)),
     )
+
+
+def _check_sizes(depth_map: DepthMap) -> None:
+    width, height = depth_map.camera.size
+    for name in ("depth", "index", "state"):
+        shape = getattr(depth_map, name).shape
+        if shape != (height, width):
+            raise InputError(
+                f"{name} must have the camera's shape (height, width) = {height, width}, "
+                f"got {shape}"
+            )

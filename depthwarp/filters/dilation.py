@@ -11,6 +11,7 @@ import warp as wp
 from depthwarp import arrays
 from depthwarp.checks import check_choice, check_window
 from depthwarp.filters.maps import DeviceMaps, Filter
+from depthwarp.filters.rows import row_launch
 from depthwarp_kernels.filters import dilate_kernels
 
 __all__ = ["Dilation", "dilate"]
@@ -44,21 +45,14 @@ class Dilation:
         row_rank = arrays.empty(depth.shape, wp.uint64, depth.device)
         dilate_row, dilate_column = dilate_kernels(self.method == "nearest")
 
+        rows = row_launch(dilate_row, maps, [depth, maps.index, maps.state, self.side], [row_rank])
+        columns = row_launch(
+            dilate_column, maps, [row_rank, self.side], [depth, maps.index, maps.state]
+        )
+
         def grow() -> None:
-            wp.launch(
-                dilate_row,
-                dim=depth.shape,
-                inputs=[depth, maps.index, self.side],
-                outputs=[row_rank],
-                device=depth.device,
-            )
-            wp.launch(
-                dilate_column,
-                dim=depth.shape,
-                inputs=[row_rank, self.side],
-                outputs=[depth, maps.index, maps.state],
-                device=depth.device,
-            )
+            rows()
+            columns()
 
         return grow
 

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-__all__ = ["DeviceMaps", "Filter"]
+import numpy as np
+import numpy.typing as npt
+import warp as wp
+
+from depthwarp.cameras import Camera
+from depthwarp_kernels.filters_layers import PixelGrid
+
+__all__ = ["DeviceMaps", "Filter", "device_grids", "pixel_grids"]
 
 
 @dataclass(frozen=True)
@@ -17,11 +24,30 @@ class DeviceMaps:
         depth: Depth [m], `wp.float32`, 0 = empty.
         index: Winning point, `wp.int32`, -1 = empty; None where nobody asked for it.
         state: Values of `State`, `wp.uint8`.
+        grids: What filters know of the cameras, `PixelGrid`, shape (views,).
+        threads: Threads on a CPU; None for all cores that this process may use.
     """
 
     depth: Any
     index: Any
     state: Any
+    grids: Any
+    threads: int | None = None
+
+
+def pixel_grids(cameras: Sequence[Camera]) -> npt.NDArray[Any]:
+    """Records of `PixelGrid`, one a camera, as a NumPy array of shape (V,)."""
+    struct: Any = PixelGrid
+    grids = np.zeros(len(cameras), struct.numpy_dtype())
+    for row, camera in zip(grids, cameras, strict=True):
+        row["slope"], row["constant"] = camera.pixel_pitch
+        row["wraps"] = camera.wraps
+    return grids
+
+
+def device_grids(cameras: Sequence[Camera], device: Any) -> Any:
+    """The same on a device."""
+    return wp.array(pixel_grids(cameras), dtype=PixelGrid, device=device)
 
 
 class Filter(Protocol):

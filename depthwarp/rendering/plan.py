@@ -13,6 +13,7 @@ from depthwarp.depth_map import DepthMap, RenderStats
 from depthwarp.devices import check_memory
 from depthwarp.errors import InputError
 from depthwarp.filters import DeviceMaps
+from depthwarp.filters.maps import device_grids, pixel_grids
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.points import Points, points_of
 from depthwarp.rendering.splatting import buffer_count, splatter_of
@@ -77,6 +78,8 @@ class RenderPlan:
             depth=arrays.empty(shape, wp.float32, device),
             index=arrays.empty(shape, wp.int32, device) if with_index else None,
             state=arrays.empty(shape, wp.uint8, device),
+            grids=device_grids(self._cameras, device),
+            threads=threads,
         )
         self._flat = [
             array.reshape((len(views), width * height))
@@ -112,6 +115,7 @@ class RenderPlan:
         """
         self._views.replace(views)
         self._cameras = [view.camera for view in views]
+        self._maps.grids.assign(pixel_grids(self._cameras))
 
     def look_from_device(self, optical_from_world: Any) -> None:
         """Look from poses that are on the device, `wp.array` of `wp.mat44f`, shape (V,)."""

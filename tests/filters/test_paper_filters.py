@@ -304,7 +304,9 @@ def test_a_threshold_that_is_not_positive_is_refused(threshold):
 
 def test_an_unknown_method_is_refused():
     """The message lists the methods."""
-    with pytest.raises(InputError, match="method must be one of 'paper', got 'density'"):
+    with pytest.raises(
+        InputError, match="method must be one of 'paper', 'surround', 'cone', got 'density'"
+    ):
         dw.filters.remove_hidden("density")
     with pytest.raises(InputError, match="method must be one of 'paper', 'nearest', got 'far'"):
         dw.filters.dilate("far")

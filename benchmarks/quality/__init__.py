@@ -1,0 +1,1 @@
+"""How right depth maps are: analytic scenes, simulated scans, exact truth, scores and peers."""

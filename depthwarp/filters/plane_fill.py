@@ -1,0 +1,53 @@
+"""Filling with planes through the layers that surround an empty pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from depthwarp.filters.maps import DeviceMaps
+from depthwarp.filters.pyramid import PYRAMID_BYTES, Pyramid
+from depthwarp.filters.rows import row_launch
+from depthwarp.filters.sectors import device_sectors
+from depthwarp_kernels.filters_fill import fill_planes
+
+__all__ = ["PlaneFill"]
+
+
+@dataclass(frozen=True)
+class PlaneFill:
+    """Layered plane fill: an empty pixel takes the nearest surface that surrounds it.
+
+    The four pixels of a block of 2 x 2 share what follows. Samples are the pixels whose reach, 1.5
+    times their own spacing S (see `SurroundErase`), covers the block's middle; of every area of 1
+    to 16 px a side only the nearest pixel is looked at, from small areas to large ones until there
+    are 4 samples. A layer is the nearest sample and all within 0.03 m + 4 d g behind it, d px from
+    it, g the metres between neighbouring pixels there. If its directions leave no run of more than
+    8 of 16 sectors empty, a plane 1/z = a + b u + c v is fitted with weights 1 / (d^2 + 0.25 px^2),
+    and its depth, kept within those of the samples, is written as FILLED. If not, the next deeper
+    layer is tried, of three. What none surrounds takes the sample nearest in the image as
+    FILLED_BORDER. The index is that of the layer's pixel nearest in the image. Isolated pixels are
+    no samples. Images of a full turn go round. The numbers were chosen on simulated scans of
+    analytic scenes, see `benchmarks/quality`.
+    """
+
+    scratch_bytes = PYRAMID_BYTES
+
+    def build(self, maps: DeviceMaps) -> Callable[[], None]:
+        """Allocate the pyramid and return the step; see `Filter.build`."""
+        pyramid = Pyramid(maps)
+        _, rows, columns = maps.depth.shape
+        blocks = -(-rows // 2), -(-columns // 2)
+        fill = row_launch(
+            fill_planes,
+            maps,
+            [pyramid.cells, device_sectors(maps.depth.device), maps.grids],
+            [maps.depth, maps.index, maps.state],
+            blocks,
+        )
+
+        def step() -> None:
+            pyramid.build()
+            fill()
+
+        return step

@@ -1,0 +1,105 @@
+"""The pyramid of minima in which filters look for the layers round a pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import warp as wp
+
+from depthwarp import arrays
+from depthwarp.errors import CapacityError
+from depthwarp.filters.maps import DeviceMaps
+from depthwarp.filters.rows import row_launch
+from depthwarp_kernels import filters_layers as layers
+
+__all__ = ["PYRAMID_BYTES", "Pyramid", "check_cells", "level_sizes"]
+
+MOST_CELLS = (1 << 31) - 1
+
+PYRAMID_BYTES = 12
+"""Working memory a pixel: spacing, and cells of all levels."""
+
+
+class Pyramid:
+    """Own-layer spacing of every pixel, and the nearest pixel of every area of 1 to 16 pixels.
+
+    Args:
+        maps: The maps that `build` will read.
+
+    Attributes:
+        spacing: Own-layer spacing S [px], shape (V, H, W), uint8: 0 = empty, 33 = none found.
+        limit: Spacing above which a pixel is isolated, by view, shape (V,), int32.
+        cells: All levels, one after the other, row by row, shape (V, cells), uint64.
+    """
+
+    def __init__(self, maps: DeviceMaps) -> None:
+        depth, device = maps.depth, maps.depth.device
+        views, rows, columns = depth.shape
+        self.spacing = arrays.empty(depth.shape, wp.uint8, device)
+        self.limit = arrays.empty(views, wp.int32, device)
+        self._row_counts = arrays.empty((views, rows, layers.SPACING_BINS), wp.int32, device)
+        counts = arrays.empty((views, layers.SPACING_BINS), wp.int32, device)
+        sizes = level_sizes(rows, columns, layers.LEVELS)
+        check_cells(sizes)
+        firsts = [sum(r * c for r, c in sizes[:level]) for level in range(len(sizes))]
+        self.cells = arrays.empty((views, sum(r * c for r, c in sizes)), wp.uint64, device)
+
+        self._steps = [
+            row_launch(
+                layers.find_spacing,
+                maps,
+                [depth, maps.state, maps.grids],
+                [self.spacing, self._row_counts],
+            ),
+            _launch(layers.sum_counts, counts.shape, [self._row_counts], [counts], device),
+            _launch(layers.find_limit, (views,), [counts], [self.limit], device),
+            row_launch(
+                layers.fill_first_level,
+                maps,
+                [depth, self.spacing, self.limit],
+                [self.cells],
+            ),
+        ]
+        for level in range(1, layers.LEVELS):
+            below = sizes[level - 1]
+            numbers = [firsts[level - 1], firsts[level], *below, level]
+            self._steps.append(
+                row_launch(layers.fill_next_level, maps, numbers, [self.cells], sizes[level])
+            )
+
+    def build(self) -> None:
+        """Read the maps anew."""
+        self._row_counts.zero_()
+        for step in self._steps:
+            step()
+
+
+def level_sizes(rows: int, columns: int, levels: int) -> list[tuple[int, int]]:
+    """(rows, columns) of every level: the areas of the finest are the pixels."""
+    sides = (1 << level for level in range(levels))
+    return [(-(-rows // side), -(-columns // side)) for side in sides]
+
+
+def check_cells(sizes: list[tuple[int, int]]) -> None:
+    """Refuse a view whose cells a 32-bit number cannot count.
+
+    Raises:
+        CapacityError: The image is too large for filters that use levels.
+    """
+    rows, columns = sizes[0]
+    if sum(r * c for r, c in sizes) > MOST_CELLS:
+        raise CapacityError(
+            f"this filter takes images of up to about 1.6e9 pixels, got {columns} x {rows}: "
+            "render in tiles"
+        )
+
+
+def _launch(
+    kernel: Any, dim: tuple[int, ...], inputs: list[Any], outputs: list[Any], device: Any
+) -> Callable[[], None]:
+    command = wp.launch(
+        kernel, dim=dim, inputs=inputs, outputs=outputs, device=device, record_cmd=True
+    )
+    run: Callable[[], None] = command.launch
+    return run

@@ -1,0 +1,71 @@
+"""Launches over the rows of all views: one on CUDA, parts on all cores of a CPU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import warp as wp
+
+from depthwarp.devices import usable_cores
+from depthwarp.filters.maps import DeviceMaps
+from depthwarp.threads import thread_pool
+
+__all__ = ["row_launch"]
+
+PARTS_A_THREAD = 4
+"""Parts that a thread takes one after the other, so that none waits long for the last."""
+
+LEAST_PIXELS = 1 << 14
+"""Pixels of a part below which handing it to a thread costs more than it saves."""
+
+
+def row_launch(
+    kernel: Any,
+    maps: DeviceMaps,
+    inputs: Sequence[Any],
+    outputs: Sequence[Any],
+    size: tuple[int, int] | None = None,
+) -> Callable[[], None]:
+    """A launch that is prepared now and run as often as wanted.
+
+    Every pixel is computed by itself, so the result does not depend on how rows are shared.
+
+    Args:
+        kernel: A kernel over (rows, columns), whose first argument is the number of the first row;
+            rows of all views are counted on.
+        maps: What says how many views there are, where, and on how many threads.
+        inputs: Its arguments after the first row.
+        outputs: What it writes.
+        size: (rows, columns) of a view that it runs over; those of the maps when None.
+    """
+    device, threads = maps.depth.device, maps.threads
+    views, *image = maps.depth.shape
+    rows, columns = image if size is None else size
+    rows *= views
+    count = 1
+    if not device.is_cuda:
+        threads = usable_cores() if threads is None else threads
+        most = max(rows * columns // LEAST_PIXELS, 1)
+        count = 1 if threads == 1 else min(threads * PARTS_A_THREAD, most, rows)
+    firsts = [rows * part // count for part in range(count + 1)]
+    commands = [
+        wp.launch(
+            kernel,
+            dim=(last - first, columns),
+            inputs=[first, *inputs],
+            outputs=list(outputs),
+            device=device,
+            record_cmd=True,
+        )
+        for first, last in zip(firsts[:-1], firsts[1:], strict=True)
+    ]
+    if count == 1:
+        only: Callable[[], None] = commands[0].launch
+        return only
+
+    def launch() -> None:
+        for done in [thread_pool(threads).submit(command.launch) for command in commands]:
+            done.result()
+
+    return launch

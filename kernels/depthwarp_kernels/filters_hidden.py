@@ -1,0 +1,240 @@
+"""Hidden pixels: those that nearer ones surround, or that see too little of the sky before them.
+
+Kernels erase in place: what they read of other pixels is a copy that was made before. They take
+`first_row`: rows of all views counted on.
+"""
+
+import warp as wp
+
+from depthwarp_kernels.filters_layers import (
+    LEVELS,
+    STATE_ERASED,
+    PixelGrid,
+    column_in_image,
+    column_of_cell,
+    depth_of_cell,
+    is_present,
+    pitch,
+    row_of_cell,
+    spacing_of_cell,
+)
+from depthwarp_kernels.options import EXACT
+
+wp.set_module_options(EXACT)
+
+REACH = wp.constant(31)
+"""Farthest offset of a pixel that is found in the pyramid, along rows and columns [px]."""
+
+HIDING_REACH = wp.constant(wp.float32(2.5))
+"""A pixel hides others up to so many times its own spacing away."""
+
+DENSE_REACH = wp.constant(wp.float32(1.5))
+"""One whose surface has no gaps, of spacing 1, hides only its eight neighbours."""
+
+HIDING_MARGIN = wp.constant(wp.float32(0.02))
+HIDING_SHARE = wp.constant(wp.float32(0.002))
+HIDING_SLOPE = wp.constant(wp.float32(1.5))
+"""It has to be nearer by 0.02 m + 0.2 % of the hidden one's depth + 1.5 d pitch."""
+
+HALF_REACH = wp.constant(63)
+SIDE = wp.constant(127)
+"""Sectors are in a table of offsets in half pixels: farthest one, and side of the table."""
+
+MOST_EMPTY = wp.constant(6)
+"""Longest run of empty sectors of a pixel that is hidden. Pixels on one side of a straight line,
+however it lies, touch 9 sectors of 16 at most, and leave a run of 7."""
+
+SECTORS = 16
+"""Sectors of a full turn."""
+
+
+@wp.func
+def sector_bit(sector_bits: wp.array[wp.uint16], right: wp.int32, down: wp.int32):
+    """Sector of an offset in half pixels, as one bit of 16; none of no offset."""
+    return wp.int32(sector_bits[(down + HALF_REACH) * SIDE + right + HALF_REACH])
+
+
+@wp.func
+def surrounds(sectors: wp.int32, most_empty: wp.int32):
+    """Whether sectors of 16, as bits, leave no run of more empty ones (4 to 8) round the turn."""
+    empty = ~sectors & 0xFFFF
+    ring = empty | (empty << 16)
+    runs = ring & (ring >> 1)  # bit i: 2 empty ones from i on
+    runs = runs & (runs >> 2)  # 4
+    longer = runs & (runs >> (most_empty - 4))  # most_empty
+    return (longer & (ring >> most_empty) & 0xFFFF) == 0
+
+
+@wp.func
+def offset_round(offset: wp.int32, columns: wp.int32, wraps: wp.int32):
+    """An offset between columns, the shorter way where the image wraps."""
+    if wraps != 0:
+        if 2 * offset > columns:
+            return offset - columns
+        if 2 * offset < -columns:
+            return offset + columns
+    return offset
+
+
+@wp.func
+def hiding_reach(spacing: wp.int32):
+    """How far a pixel hides others [px]."""
+    return wp.where(spacing == 1, DENSE_REACH, HIDING_REACH * wp.float32(spacing))
+
+
+@wp.func
+def is_surrounded(
+    cells: wp.array2d[wp.uint64],
+    sector_bits: wp.array[wp.uint16],
+    grid: PixelGrid,
+    v: wp.int32,
+    row: wp.int32,
+    column: wp.int32,
+    rows: wp.int32,
+    columns: wp.int32,
+    own: wp.float32,
+):
+    """Whether nearer pixels, each within its reach, stand round a pixel on all sides."""
+    margin = HIDING_MARGIN + HIDING_SHARE * own
+    sectors = int(0)
+    first = int(0)
+    level_rows = int(rows)
+    level_columns = int(columns)
+    for level in range(LEVELS):
+        for dr in range(-1, 2):
+            r = (row >> level) + dr
+            if r >= 0 and r < level_rows:
+                for dc in range(-1, 2):
+                    c = column_in_image((column >> level) + dc, level_columns, grid.wraps)
+                    if c >= 0:
+                        cell = cells[v, first + r * level_columns + c]
+                        nearer = depth_of_cell(cell)
+                        if own - nearer > margin:
+                            down = (r << level) + row_of_cell(cell) - row
+                            right = (c << level) + column_of_cell(cell) - column
+                            right = offset_round(right, columns, grid.wraps)
+                            way = wp.sqrt(wp.float32(down * down + right * right))
+                            reach = hiding_reach(spacing_of_cell(cell))
+                            slope = HIDING_SLOPE * way * pitch(grid, nearer)
+                            if way <= reach and own - nearer > margin + slope:
+                                sectors = sectors | sector_bit(sector_bits, 2 * right, 2 * down)
+        if surrounds(sectors, MOST_EMPTY):
+            return True
+        first += level_rows * level_columns
+        level_rows = (level_rows + 1) >> 1
+        level_columns = (level_columns + 1) >> 1
+    return False
+
+
+# Where a pixel's own depth is kept, its state alone says that it is erased.
+@wp.func
+def erase_pixel(
+    depth: wp.array3d[wp.float32],
+    index: wp.array3d[wp.int32],
+    state: wp.array3d[wp.uint8],
+    v: wp.int32,
+    row: wp.int32,
+    column: wp.int32,
+    keep_depth: wp.int32,
+):
+    """Mark a pixel as erased, and empty it unless its depth is to be kept."""
+    state[v, row, column] = STATE_ERASED
+    if keep_depth == 0:
+        depth[v, row, column] = 0.0
+        index[v, row, column] = -1
+
+
+# Other pixels are read through the pyramid only, so erasing in place sees the map as it was.
+# Launch over (rows, columns).
+@wp.kernel
+def erase_surrounded(
+    # In:
+    first_row: wp.int32,
+    cells: wp.array2d[wp.uint64],
+    sector_bits: wp.array[wp.uint16],
+    grids: wp.array[PixelGrid],
+    keep_depth: wp.int32,
+    # Out:
+    depth_out: wp.array3d[wp.float32],
+    index_out: wp.array3d[wp.int32],
+    state_out: wp.array3d[wp.uint8],
+):
+    i, column = wp.tid()
+    rows = depth_out.shape[1]
+    v = (first_row + i) // rows
+    row = (first_row + i) % rows
+    own = depth_out[v, row, column]
+    if not is_present(own, state_out[v, row, column]):
+        return
+    columns = depth_out.shape[2]
+    if is_surrounded(cells, sector_bits, grids[v], v, row, column, rows, columns, own):
+        erase_pixel(depth_out, index_out, state_out, v, row, column, keep_depth)
+
+
+# Depth of pixels that hold one, 0 elsewhere. Launch over (rows, columns).
+@wp.kernel
+def copy_present(
+    # In:
+    first_row: wp.int32,
+    depth: wp.array3d[wp.float32],
+    state: wp.array3d[wp.uint8],
+    # Out:
+    depth_out: wp.array3d[wp.float32],
+):
+    i, column = wp.tid()
+    v = (first_row + i) // depth.shape[1]
+    row = (first_row + i) % depth.shape[1]
+    d = depth[v, row, column]
+    depth_out[v, row, column] = wp.where(is_present(d, state[v, row, column]), d, 0.0)
+
+
+# In each of 8 sectors the pixel that stands highest above the viewing ray's foot leaves free what
+# is nearer to the ray than it; together this is the part of the half sphere towards the camera
+# that is free. Launch over (rows, columns).
+@wp.kernel
+def erase_by_cone(
+    # In:
+    first_row: wp.int32,
+    depth: wp.array3d[wp.float32],
+    sector_bits: wp.array[wp.uint16],
+    grids: wp.array[PixelGrid],
+    radius: wp.int32,
+    least_free: wp.float32,
+    margin: wp.float32,
+    keep_depth: wp.int32,
+    # Out:
+    depth_out: wp.array3d[wp.float32],
+    index_out: wp.array3d[wp.int32],
+    state_out: wp.array3d[wp.uint8],
+):
+    i, column = wp.tid()
+    rows = depth.shape[1]
+    columns = depth.shape[2]
+    v = (first_row + i) // rows
+    row = (first_row + i) % rows
+    own = depth[v, row, column]
+    if own == 0.0:
+        return
+    grid = grids[v]
+    highest = wp.zeros(shape=(8,), dtype=wp.float32)  # cosine of the angle to the viewing ray
+    for down in range(-radius, radius + 1):
+        r = row + down
+        if r >= 0 and r < rows:
+            for right in range(-radius, radius + 1):
+                c = column_in_image(column + right, columns, grid.wraps)
+                way = down * down + right * right
+                if c >= 0 and way <= radius * radius:
+                    other = depth[v, r, c]
+                    ahead = own - other
+                    if other > 0.0 and ahead > margin:
+                        aside = wp.sqrt(wp.float32(way)) * pitch(grid, other)
+                        cosine = ahead / wp.sqrt(ahead * ahead + aside * aside)
+                        bit = sector_bit(sector_bits, 2 * right, 2 * down)
+                        for sector in range(8):
+                            if (bit >> (2 * sector)) & 3 != 0:
+                                highest[sector] = wp.max(highest[sector], cosine)
+    free = wp.float32(0.0)
+    for sector in range(8):
+        free += wp.float32(0.125) * (wp.float32(1.0) - highest[sector])
+    if free < least_free:
+        erase_pixel(depth_out, index_out, state_out, v, row, column, keep_depth)

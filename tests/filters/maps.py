@@ -1,0 +1,66 @@
+"""Depth maps for the tests of filters."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+
+import depthwarp as dw
+from tests.rendering.strategies import seeds
+
+SHAPES = st.one_of(
+    st.sampled_from([(1, 1), (1, 19), (23, 1), (2, 2), (16, 33)]),
+    st.tuples(st.integers(1, 22), st.integers(1, 26)),
+)
+
+
+def make_map(depth: np.ndarray, camera: dw.cameras.Camera | None = None, state=None) -> dw.DepthMap:
+    """A depth map of an array: measured where above 0, with the pixels' numbers as winners."""
+    depth = np.array(depth, np.float32)
+    drawn = depth > 0
+    if camera is None:
+        camera = dw.PinholeCamera.from_fov((60, 45), depth.shape[::-1])
+    if state is None:
+        state = np.where(drawn, dw.State.MEASURED, dw.State.EMPTY)
+    index = np.where(drawn, np.arange(depth.size).reshape(depth.shape), -1).astype(np.int32)
+    count = int(drawn.sum())
+    stats = dw.RenderStats(count, 0, 0, 0, 0, 0, 0, count)
+    state = np.asarray(state, np.uint8)
+    return dw.DepthMap(depth, index, state, camera, "range", 0.0, 15.0, stats)
+
+
+@st.composite
+def layered_maps(draw: st.DrawFn) -> dw.DepthMap:
+    """Small maps of two slanted layers with gaps, noise, ties, erased pixels and NaN; any lens."""
+    rows, columns = draw(SHAPES)
+    rng = np.random.default_rng(draw(seeds))
+    v, u = np.indices((rows, columns))
+    tilt = rng.uniform(-0.1, 0.1, (2, 2))
+    far, near = 6 + tilt[0, 0] * u + tilt[0, 1] * v, 3 + tilt[1, 0] * u + tilt[1, 1] * v
+    depth = np.where(
+        rng.random((rows, columns)) < draw(st.sampled_from([0.0, 0.5, 0.8])), near, far
+    )
+    depth += rng.normal(0, draw(st.sampled_from([0.0, 0.004, 0.3])), depth.shape)
+    depth = np.maximum(depth, 0.1)
+    if draw(st.booleans()):
+        depth = np.round(depth)  # ties
+    kept = rng.random(depth.shape) < draw(st.sampled_from([0.0, 0.05, 0.3, 0.8, 1.0]))
+    depth = np.where(kept & (depth > 0), depth, 0).astype(np.float32)
+    state = np.where(depth > 0, dw.State.MEASURED, dw.State.EMPTY)
+    state[(rng.random(depth.shape) < 0.03) & (depth > 0)] = dw.State.ERASED  # with its depth kept
+    odd = rng.random(depth.shape) < draw(st.sampled_from([0.0, 0.02]))
+    depth[odd] = rng.choice([np.nan, np.inf], depth.shape)[odd]
+    return make_map(depth, draw(cameras(columns, rows)), state)
+
+
+def cameras(width: int, height: int) -> st.SearchStrategy[dw.cameras.Camera]:
+    """Lenses of every kind of pixel spacing, with and without a full turn."""
+    pose = dw.Pose.from_orientation((0, 0, 0), (0, 0, 0))
+    made = [
+        dw.PinholeCamera.from_fov((20, 15), (width, height)),
+        dw.PinholeCamera.from_fov((60, 45), (width, height)),
+        dw.OrthographicCamera(0.01, width, height, pose),
+        dw.EquirectangularCamera(width, height, pose),
+        dw.EquirectangularCamera(width, height, pose, azimuths=90.0),
+    ]
+    return st.sampled_from(made)

@@ -1,0 +1,332 @@
+"""The filters that look at layers: kernels against loops, and what they promise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import depthwarp as dw
+from depthwarp.errors import CapacityError, InputError
+from depthwarp.filters.maps import DeviceMaps, device_grids
+from depthwarp.filters.pyramid import check_cells
+from tests.filters.maps import layered_maps, make_map
+from tests.reference import layer_filters as reference
+from tests.reference.layers import Grid
+
+FEW = settings(max_examples=25)
+REACH = st.integers(1, 7)
+
+
+def grid_of(depth_map: dw.DepthMap) -> Grid:
+    """What the loops know of the camera."""
+    return Grid(*depth_map.camera.pixel_pitch, wraps=depth_map.camera.wraps)
+
+
+def arrays_of(depth_map: dw.DepthMap):
+    """The three maps, as the loops take and return them."""
+    return depth_map.depth, depth_map.index, depth_map.state
+
+
+def assert_maps(depth_map: dw.DepthMap, expected) -> None:
+    """The same depth bits, winners and states."""
+    for ours, theirs in zip(arrays_of(depth_map), expected, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def floor_map(width: int = 360, height: int = 240) -> dw.DepthMap:
+    """A perfect floor seen at a grazing angle, from 1.2 m above it, up to 20 m."""
+    camera = dw.PinholeCamera.from_fov((62, 45), (width, height))
+    down = (np.arange(height) - camera.cy) / camera.fy
+    with np.errstate(divide="ignore"):
+        z = np.where(down > 0, 1.2 / down, 0)
+    z[z > 20] = 0
+    return make_map(np.repeat(z[:, None], width, axis=1), camera)
+
+
+def sparse(depth_map: dw.DepthMap, share: float) -> dw.DepthMap:
+    """The map with so many of its pixels, drawn at random."""
+    kept = np.random.default_rng(1).random(depth_map.depth.shape) < share
+    return make_map(np.where(kept, depth_map.depth, 0), depth_map.camera)
+
+
+# --- kernel == loop, bit for bit ---
+
+
+@FEW
+@given(depth_map=layered_maps(), keep=st.booleans())
+def test_surround_is_the_loop(device, depth_map, keep):
+    """Any map and lens, with a full turn or without."""
+    step = dw.filters.remove_hidden("surround", keep_depth=keep)
+    result = dw.filters.apply(depth_map, [step], device=device)
+    assert_maps(result, reference.surround_erase(arrays_of(depth_map), grid_of(depth_map), keep))
+
+
+@FEW
+@given(depth_map=layered_maps(), radius=REACH, angle=st.sampled_from([10.0, 30.0, 60.0]))
+def test_cone_is_the_loop(device, depth_map, radius, angle):
+    """Any map, lens, radius and angle."""
+    step = dw.filters.remove_hidden("cone", radius=radius, angle=angle)
+    result = dw.filters.apply(depth_map, [step], device=device)
+    expected = reference.cone_erase(arrays_of(depth_map), grid_of(depth_map), radius, angle)
+    assert_maps(result, expected)
+
+
+@FEW
+@given(depth_map=layered_maps())
+def test_plane_fill_is_the_loop(device, depth_map):
+    """Depths, winners and states, inside and at borders."""
+    result = dw.filters.apply(depth_map, [dw.filters.fill()], device=device)
+    assert_maps(result, reference.plane_fill(arrays_of(depth_map), grid_of(depth_map)))
+
+
+@FEW
+@given(depth_map=layered_maps(), radius=REACH)
+def test_nearest_fill_is_the_loop(device, depth_map, radius):
+    """Ties go to the smallest depth, then the lowest index; a full turn goes round."""
+    result = dw.filters.apply(depth_map, [dw.filters.fill("nearest", radius=radius)], device=device)
+    assert_maps(result, reference.nearest_fill(arrays_of(depth_map), grid_of(depth_map), radius))
+
+
+@FEW
+@given(depth_map=layered_maps())
+def test_push_and_pull_is_the_loop(device, depth_map):
+    """Averages up and down again."""
+    result = dw.filters.apply(depth_map, [dw.filters.fill("push_pull")], device=device)
+    assert_maps(result, reference.push_pull(arrays_of(depth_map)))
+
+
+# --- what the chain promises ---
+
+
+def test_a_perfect_dense_map_goes_through_unchanged(device):
+    """A wall with a box before it, every pixel measured: under 0.05 % change."""
+    depth = np.full((240, 360), 6.0)
+    depth[60:160, 100:220] = 3.0
+    before = make_map(depth)
+    after = dw.filters.apply(before, dw.filters.best(), device=device)
+    assert (after.depth != before.depth).mean() < 0.0005
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3, 0.05])
+def test_a_perfect_slanted_floor_loses_nothing(device, share):
+    """At a grazing angle up to 20 m, dense or thinned out."""
+    floor = sparse(floor_map(), share)
+    erased = dw.filters.apply(floor, [dw.filters.remove_hidden("surround")], device=device)
+    assert (erased.state != dw.State.ERASED).all()
+
+
+def test_one_stray_point_erases_nothing(device):
+    """1 m before a wall of which a fifth of the pixels was measured."""
+    wall = sparse(make_map(np.full((120, 160), 5.0)), 0.2)
+    depth = wall.depth.copy()
+    depth[60, 80] = 4.0
+    stray = make_map(depth, wall.camera)
+    erased = dw.filters.apply(stray, [dw.filters.remove_hidden("surround")], device=device)
+    assert (erased.state != dw.State.ERASED).all()
+
+
+@pytest.mark.parametrize("share", [1.0, 0.4])
+def test_a_pole_of_three_pixels_survives(device, share):
+    """Before a wall: no pixel of it is erased, and the filled map shows it from top to bottom."""
+    truth = np.full((120, 160), 6.0)
+    truth[:, 80:83] = 3.0
+    after = dw.filters.apply(sparse(make_map(truth), share), dw.filters.best(), device=device)
+    pole = np.abs(after.depth[:, 80:83] - 3.0) < 0.01
+    assert pole.any(axis=1).mean() > 0.97 and pole.mean() > 0.9
+
+
+def test_what_shines_through_a_table_goes(device):
+    """A wall seen through the gaps of a near plate goes, beside the plate it stays."""
+    rng = np.random.default_rng(2)
+    depth = np.where(rng.random((120, 160)) < 0.1, 6.0, 0)
+    plate = np.zeros(depth.shape, bool)
+    plate[30:90, 40:120] = rng.random((60, 80)) < 0.2
+    depth[plate] = 2.0
+    erased = dw.filters.apply(
+        make_map(depth), [dw.filters.remove_hidden("surround")], device=device
+    )
+    far = depth == 6
+    inside = np.zeros(depth.shape, bool)
+    inside[34:86, 44:116] = True
+    gone = erased.state == dw.State.ERASED
+    assert gone[inside & far].mean() > 0.9
+    inside[26:94, 36:124] = True
+    assert gone[~inside & far].mean() < 0.01 and not gone[plate].any()
+
+
+def test_planes_are_filled_exactly(device):
+    """A slanted plane of which a tenth was measured: within 1 mm inside, hardly a gap."""
+    camera = dw.PinholeCamera.from_fov((60, 45), (160, 120))
+    v, u = np.indices((120, 160))
+    truth = 1 / (0.2 + 0.0005 * (u - 80) - 0.0007 * (v - 60))
+    kept = np.random.default_rng(3).random(truth.shape) < 0.1
+    filled = dw.filters.apply(
+        make_map(np.where(kept, truth, 0), camera), [dw.filters.fill()], device=device
+    )
+    inside = filled.state == dw.State.FILLED
+    assert (filled.depth > 0)[8:-8, 8:-8].mean() > 0.99 and inside.mean() > 0.7
+    error = np.abs(filled.depth - truth)[inside]
+    assert np.median(error) < 0.001 and (error < 0.02).mean() > 0.98
+
+
+def test_states_tell_inside_from_border(device):
+    """Between pixels of a patch FILLED, outside it FILLED_BORDER, far from it EMPTY."""
+    depth = np.zeros((60, 60))
+    depth[20:41:4, 20:41:4] = 4.0
+    filled = dw.filters.apply(make_map(depth), [dw.filters.fill()], device=device)
+    assert (filled.state[24:37, 24:37] != dw.State.EMPTY).all()
+    assert filled.state[30, 30] == dw.State.FILLED
+    assert filled.state[17, 30] == dw.State.FILLED_BORDER and filled.depth[17, 30] == 4
+    assert filled.state[0, 0] == dw.State.EMPTY
+
+
+@pytest.mark.parametrize("method", ["paper", "surround", "cone"])
+def test_a_kept_depth_counts_as_empty(device, method):
+    """ERASED with its old depth and index on request; every filling then overwrites it."""
+    depth = np.full((9, 9), 2.0)
+    depth[4, 4] = 7.0
+    options = {"side": 3} if method == "paper" else {}
+    erase = dw.filters.remove_hidden(method, keep_depth=True, **options)
+    kept = dw.filters.apply(make_map(depth), [erase], device=device)
+    assert kept.state[4, 4] == dw.State.ERASED
+    assert (kept.depth[4, 4], kept.index[4, 4]) == (7.0, 40)
+    for step in [*map(dw.filters.fill, ["plane", "nearest", "push_pull"]), dw.filters.dilate()]:
+        filled = dw.filters.apply(kept, [step], device=device)
+        assert filled.depth[4, 4] == 2 and filled.state[4, 4] == dw.State.FILLED
+    again = dw.filters.apply(kept, [dw.filters.remove_hidden(side=3)], device=device)
+    assert_maps(again, arrays_of(kept))
+
+
+def test_a_full_turn_goes_round(device):
+    """Moving a panorama's columns round moves the result round; of a part of a turn it does not."""
+    rng = np.random.default_rng(4)
+    depth = np.where(rng.random((32, 64)) < 0.4, rng.choice([2.0, 6.0], (32, 64)), 0)
+    pose = dw.Pose.from_orientation((0, 0, 0), (0, 0, 0))
+    for azimuths, same in ((360.0, True), (180.0, False)):
+        camera = dw.EquirectangularCamera(64, 32, pose, azimuths=azimuths)
+        here = dw.filters.apply(make_map(depth, camera), dw.filters.best(), device=device)
+        turned = make_map(np.roll(depth, 32, axis=1), camera)
+        there = dw.filters.apply(turned, dw.filters.best(), device=device)
+        assert np.array_equal(np.roll(here.depth, 32, axis=1), there.depth) == same
+
+
+# --- batches, threads, plans ---
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_the_result_depends_neither_on_threads_nor_on_the_batch(device, threads):
+    """Three views in one batch: each as it is alone; run twice, the same."""
+    rng = np.random.default_rng(5)
+    shape = (180, 240)
+    maps = [
+        sparse(make_map(np.where(rng.random(shape) < 0.5, 2.0, 5.0)), share)
+        for share in (0.02, 0.2, 0.9)
+    ]
+    methods = [dw.filters.remove_hidden(name) for name in ("surround", "cone", "paper")]
+    fills = [dw.filters.fill(name) for name in ("plane", "nearest", "push_pull")]
+    for chain in zip(methods, fills, strict=True):
+        batch = DeviceMaps(
+            *(
+                wp.array(np.stack([getattr(m, name) for m in maps]), dtype=kind, device=device)
+                for name, kind in (("depth", wp.float32), ("index", wp.int32), ("state", wp.uint8))
+            ),
+            grids=device_grids([m.camera for m in maps], device),
+            threads=threads,
+        )
+        start = [wp.clone(array) for array in (batch.depth, batch.index, batch.state)]
+        steps = [step.build(batch) for step in chain]
+        for _ in range(2):
+            for array, old in zip((batch.depth, batch.index, batch.state), start, strict=True):
+                wp.copy(array, old)
+            for step in steps:
+                step()
+        for v, single in enumerate(maps):
+            alone = dw.filters.apply(single, chain, device=device)
+            expected = [array.numpy()[v] for array in (batch.depth, batch.index, batch.state)]
+            assert_maps(alone, expected)
+
+
+def test_the_chain_in_a_plan_is_that_of_the_finished_map(device):
+    """`filters=best()` of a rendering, and `apply` on the plain map; also after another pose."""
+    rng = np.random.default_rng(6)
+    cloud = dw.PointCloud(
+        np.stack([rng.choice([3.0, 6.0], 4000), *rng.uniform(-3, 3, (2, 4000))], 1)
+    )
+    for camera in (
+        dw.PinholeCamera.from_fov((60, 45), (80, 60)),
+        dw.OrthographicCamera.looking(0.05, (80, 60)),
+    ):
+        plain = dw.render(cloud, camera, device=device)
+        expected = dw.filters.apply(plain, dw.filters.best(), device=device)
+        filtered = dw.render(cloud, camera, filters=dw.filters.best(), device=device)
+        assert_maps(filtered, arrays_of(expected))
+        assert (filtered.state == dw.State.FILLED).any()
+
+
+# --- bad input ---
+
+
+@pytest.mark.parametrize(
+    "chain", [["surround", "plane"], ["cone", "nearest"], ["paper", "push_pull"]]
+)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (3, 2), (17, 40)])
+def test_empty_maps_and_single_pixels_stay(device, chain, shape):
+    """Nothing to erase and nothing to fill with; and one pixel is kept as it is."""
+    steps = [dw.filters.remove_hidden(chain[0]), dw.filters.fill(chain[1])]
+    empty = make_map(np.zeros(shape))
+    assert_maps(dw.filters.apply(empty, steps, device=device), arrays_of(empty))
+    depth = np.zeros(shape)
+    depth[0, 0] = 2.0
+    one = dw.filters.apply(make_map(depth), steps, device=device)
+    assert one.depth[0, 0] == 2 and one.state[0, 0] == dw.State.MEASURED
+    assert np.isin(one.depth, [0, 2]).all()
+
+
+def test_unknown_methods_and_foreign_options_are_refused():
+    """The message says which there are."""
+    with pytest.raises(InputError, match="'plane', 'nearest', 'push_pull', got 'spline'"):
+        dw.filters.fill("spline")
+    with pytest.raises(InputError, match="method 'surround' has no threshold"):
+        dw.filters.remove_hidden("surround", threshold=0.5)
+    with pytest.raises(InputError, match="'cone' has no side: its options are radius, angle"):
+        dw.filters.remove_hidden("cone", side=3)
+    with pytest.raises(InputError, match="method 'plane' has no radius"):
+        dw.filters.fill(radius=3)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: dw.filters.remove_hidden("cone", radius=0), "radius must be"),
+        (lambda: dw.filters.remove_hidden("cone", radius=32), "radius must be at most 31"),
+        (lambda: dw.filters.remove_hidden("cone", angle=0.0), "angle must be"),
+        (lambda: dw.filters.remove_hidden("cone", angle=90.0), "angle must be below 90"),
+        (lambda: dw.filters.fill("nearest", radius=-1), "radius must be"),
+        (lambda: dw.filters.fill("nearest", radius=5000), "radius must be at most 1024"),
+    ],
+)
+def test_values_out_of_range_are_refused(make, message):
+    """With the name, what is expected and what was given."""
+    with pytest.raises(InputError, match=f"^{message}"):
+        make()
+
+
+@pytest.mark.parametrize("name", ["depth", "index", "state"])
+def test_maps_of_another_size_are_refused(name):
+    """A state map that does not fit its depth map, for one."""
+    from dataclasses import replace
+
+    good = make_map(np.ones((4, 5)))
+    bad = replace(good, **{name: getattr(good, name)[:3]})
+    with pytest.raises(InputError, match=rf"^{name} must have the camera's shape .*\(4, 5\)"):
+        dw.filters.apply(bad, dw.filters.best())
+
+
+def test_an_image_with_more_cells_than_can_be_counted_is_refused():
+    """Where a number of 32 bits ends, before anything is computed."""
+    with pytest.raises(CapacityError, match="got 65536 x 65536: render in tiles"):
+        check_cells([(65536, 65536)])
+    check_cells([(30000, 30000)])

@@ -1,0 +1,261 @@
+"""Surround erase, cone erase, plane fill, nearest fill and push and pull, in plain loops."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .layers import (
+    Grid,
+    f32,
+    present,
+    pyramid_of,
+    sector,
+    spacing_of,
+    surrounded,
+)
+
+FILLED, ERASED, FILLED_BORDER = 2, 3, 4
+Maps = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def erased(maps: Maps, hidden: np.ndarray, keep_depth: bool) -> Maps:
+    """The maps with some pixels erased."""
+    depth, index, state = (array.copy() for array in maps)
+    state[hidden] = ERASED
+    if not keep_depth:
+        depth[hidden], index[hidden] = 0, -1
+    return depth, index, state
+
+
+def surround_erase(maps: Maps, grid: Grid, keep_depth: bool = False) -> Maps:
+    """A pixel goes if nearer pixels, each within its reach, stand round it."""
+    depth, _, state = maps
+    rows, columns = depth.shape
+    levels = pyramid_of(depth, spacing_of(depth, state, grid))
+    hidden = np.zeros(depth.shape, bool)
+    for row, column in np.argwhere(present(depth, state)):
+        own = depth[row, column]
+        sectors: set[int] = set()
+        for level, cells in enumerate(levels):
+            for r in range((row >> level) - 1, (row >> level) + 2):
+                for c in range((column >> level) - 1, (column >> level) + 2):
+                    side = grid.column(c, len(cells[0]))
+                    if not 0 <= r < len(cells) or side < 0 or cells[r][side] is None:
+                        continue
+                    near, spacing, q_row, q_column = cells[r][side]
+                    y, x = q_row - row, grid.offset(q_column - column, columns)
+                    way = np.sqrt(f32(x * x + y * y))
+                    margin = f32(0.02) + f32(0.002) * own
+                    step = f32(1.5) * way * grid.pitch(near)
+                    reach = f32(1.5) if spacing == 1 else f32(2.5) * f32(spacing)
+                    if way <= reach and own - near > margin + step:
+                        sectors.add(sector(x, y))
+            hidden[row, column] |= surrounded(sectors, 6)
+    return erased(maps, hidden, keep_depth)
+
+
+def cone_erase(maps: Maps, grid: Grid, radius: int, angle: float) -> Maps:
+    """A pixel goes if less solid angle is free before it than that of a cone."""
+    depth, _, state = maps
+    rows, columns = depth.shape
+    there = present(depth, state)
+    hidden = np.zeros(depth.shape, bool)
+    least = f32(1 - math.cos(math.radians(angle)))
+    for row, column in np.argwhere(there):
+        own = depth[row, column]
+        highest = np.zeros(8, f32)
+        for y in range(-radius, radius + 1):
+            for x in range(-radius, radius + 1):
+                c = grid.column(column + x, columns)
+                if not 0 <= row + y < rows or c < 0 or x * x + y * y > radius * radius:
+                    continue
+                ahead = own - depth[row + y, c]
+                if there[row + y, c] and ahead > f32(0.02):
+                    aside = np.sqrt(f32(x * x + y * y)) * grid.pitch(depth[row + y, c])
+                    cosine = ahead / np.sqrt(ahead * ahead + aside * aside)
+                    k = sector(x, y) // 2
+                    highest[k] = max(highest[k], cosine)
+        free = f32(0)
+        for value in highest:
+            free = free + f32(0.125) * (f32(1) - value)
+        hidden[row, column] = free < least
+    return erased(maps, hidden, keep_depth=False)
+
+
+def plane_fill(maps: Maps, grid: Grid) -> Maps:
+    """Blocks of 2 x 2 take the plane of the nearest of three layers that surrounds their middle."""
+    depth, index, state = maps
+    depth_out, index_out, state_out = (array.copy() for array in maps)
+    rows, columns = depth.shape
+    there = present(depth, state)
+    levels = pyramid_of(depth, spacing_of(depth, state, grid))
+    for top in range(0, rows, 2):
+        for left in range(0, columns, 2):
+            pixels = [
+                (row, column)
+                for row in range(top, min(top + 2, rows))
+                for column in range(left, min(left + 2, columns))
+                if not there[row, column]
+            ]
+            samples = _samples(levels, grid, top, left, columns) if pixels else []
+            if not samples:
+                continue
+            plane, chosen = _layer(samples, grid)
+            z, x, y, _ = chosen
+            source = (left + int(x + 0.5)) % columns
+            for row, column in pixels:
+                depth_out[row, column] = z
+                if plane is not None:
+                    (a, b, c), near, far = plane
+                    q = a + b * f32(column - left - 0.5) + c * f32(row - top - 0.5)
+                    q = min(max(q, f32(1) / far), f32(1) / near)
+                    depth_out[row, column] = min(max(f32(1) / q, near), far)
+                index_out[row, column] = index[top + int(y + 0.5), source]
+                state_out[row, column] = FILLED_BORDER if plane is None else FILLED
+    return depth_out, index_out, state_out
+
+
+def _samples(levels, grid, top, left, columns):
+    """(depth, x, y from the block's middle [px], distance) of what reaches it, in order."""
+    samples, seen = [], set()
+    for level, cells in enumerate(levels):
+        below = 2 if level == 0 else 1
+        for r in range((top >> level) - 1, (top >> level) + below + 1):
+            for c in range((left >> level) - 1, (left >> level) + below + 1):
+                side = c if 0 <= c < len(cells[0]) else -1
+                if len(cells[0]) > below + 1:  # narrower: no area twice
+                    side = grid.column(c, len(cells[0]))
+                if not 0 <= r < len(cells) or side < 0 or cells[r][side] is None:
+                    continue
+                near, spacing, row, column = cells[r][side]
+                x, y = grid.offset(column - left, columns) - 0.5, row - top - 0.5
+                way = f32(0.5) * np.sqrt(f32(4 * (x * x + y * y)))
+                if way <= f32(1.5) * f32(spacing) and (row, column) not in seen:
+                    seen.add((row, column))
+                    samples.append((near, x, y, way))
+        if len(samples) >= 4:
+            break
+    return samples
+
+
+def _layer(samples, grid):
+    """The plane of the first layer that surrounds, with its nearest and farthest depth, or None;
+    and the sample nearest to the middle."""
+    beyond = f32(0)
+    for _ in range(3):
+        left = [sample for sample in samples if sample[0] > beyond]
+        if not left:
+            break
+        near, x0, y0, _ = min(left, key=lambda sample: sample[0])
+        slope = f32(0.5) * f32(4) * grid.pitch(near)
+        members = [
+            s
+            for s in samples
+            if s[0] >= near
+            and s[0] - near
+            <= f32(0.03) + slope * np.sqrt(f32(4 * ((s[1] - x0) ** 2 + (s[2] - y0) ** 2)))
+        ]
+        far = max(s[0] for s in members)
+        if surrounded({sector(s[1], s[2]) for s in members}, 8):
+            first = next(k for k, s in enumerate(members) if s[:3] == (near, x0, y0))
+            order = [members[first], *members[:first], *members[first + 1 :]]
+            return (_plane(members), near, far), min(order, key=lambda s: s[1] ** 2 + s[2] ** 2)
+        beyond = far
+    return None, min(samples, key=lambda s: (s[3], s[0]))
+
+
+def _plane(members):
+    """(a, b, c) of 1/z = a + b x + c y by least squares, weights 1 / (d^2 + 0.25)."""
+    w, x, y, q, xx, xy, yy, xq, yq = (f32(0) for _ in range(9))
+    for z, right, down, _ in members:
+        u, v, p = f32(right), f32(down), f32(1) / z
+        weight = f32(1) / (u * u + v * v + f32(0.25))
+        w, x, y, q = w + weight, x + weight * u, y + weight * v, q + weight * p
+        xx, xy, yy = xx + weight * (u * u), xy + weight * (u * v), yy + weight * (v * v)
+        xq, yq = xq + weight * (u * p), yq + weight * (v * p)
+    x, y, q = x / w, y / w, q / w
+    xx, xy, yy = xx / w - x * x + f32(0.05), xy / w - x * y, yy / w - y * y + f32(0.05)
+    xq, yq = xq / w - x * q, yq / w - y * q
+    determinant = xx * yy - xy * xy
+    b, c = (xq * yy - yq * xy) / determinant, (yq * xx - xq * xy) / determinant
+    return q - b * x - c * y, b, c
+
+
+def nearest_fill(maps: Maps, grid: Grid, radius: int) -> Maps:
+    """An empty pixel takes the nearest pixel's depth; ties: smallest depth, then lowest index."""
+    depth, index, state = maps
+    depth_out, index_out, state_out = (array.copy() for array in maps)
+    rows, columns = depth.shape
+    there = present(depth, state)
+    for row, column in np.argwhere(~there):
+        found = []
+        for y in range(-radius, radius + 1):
+            for x in range(-radius, radius + 1):
+                c = grid.column(column + x, columns)
+                inside = x * x + y * y <= radius * radius
+                if inside and 0 <= row + y < rows and c >= 0 and there[row + y, c]:
+                    found.append((x * x + y * y, depth[row + y, c], index[row + y, c]))
+        if found:
+            _, depth_out[row, column], index_out[row, column] = min(found)
+            state_out[row, column] = FILLED
+    return depth_out, index_out, state_out
+
+
+def push_pull(maps: Maps) -> Maps:
+    """Averages of inverse depth over areas of 1 to 32 pixels a side, brought back."""
+    depth, index, state = maps
+    depth_out, index_out, state_out = (array.copy() for array in maps)
+    there = present(depth, state)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        q = np.where(there, f32(1) / depth, f32(0)).astype(f32)
+    numbers = np.arange(depth.size).reshape(depth.shape)
+    levels = [(q, there.astype(f32), np.where(there, numbers, -1))]
+    for _ in range(5):
+        levels.append(_pulled(*levels[-1]))
+    for level in reversed(range(5)):
+        _push(levels[level], levels[level + 1])
+    q, _, source = levels[0]
+    for row, column in np.argwhere(~there & (source >= 0)):
+        depth_out[row, column] = f32(1) / q[row, column]
+        index_out[row, column] = index.flat[source[row, column]]
+        state_out[row, column] = FILLED
+    return depth_out, index_out, state_out
+
+
+def _pulled(q, weight, source):
+    rows, columns = q.shape
+    size = ((rows + 1) // 2, (columns + 1) // 2)
+    result = np.zeros(size, f32), np.zeros(size, f32), np.full(size, -1)
+    for row, column in np.ndindex(size):
+        total, inverse, largest = f32(0), f32(0), f32(0)
+        for k in range(4):
+            r, c = 2 * row + k // 2, 2 * column + k % 2
+            if r < rows and c < columns:
+                total, inverse = total + weight[r, c], inverse + weight[r, c] * q[r, c]
+                if source[r, c] >= 0 and q[r, c] > largest:
+                    largest = q[r, c]
+                    result[2][row, column] = source[r, c]
+        result[0][row, column] = inverse / total if total > 0 else 0
+        result[1][row, column] = min(total, f32(1))
+    return result
+
+
+def _push(fine, coarse) -> None:
+    q, weight, source = fine
+    for row, column in np.argwhere(weight < 1):
+        total, inverse = f32(0), f32(0)
+        for k in range(4):
+            r = row // 2 + (k // 2) * (2 * (row % 2) - 1)
+            c = column // 2 + (k % 2) * (2 * (column % 2) - 1)
+            if 0 <= r < coarse[0].shape[0] and 0 <= c < coarse[0].shape[1]:
+                share = f32((3 - 2 * (k // 2)) * (3 - 2 * (k % 2)))
+                total = total + share * coarse[1][r, c]
+                inverse = inverse + share * coarse[1][r, c] * coarse[0][r, c]
+                if source[row, column] < 0:
+                    source[row, column] = coarse[2][r, c]
+        if total > 0:
+            own = weight[row, column]
+            q[row, column] = own * q[row, column] + (f32(1) - own) * (inverse / total)
+            weight[row, column] = 1
