@@ -20,6 +20,7 @@ def test_the_values_of_state():
         "MEASURED": 1,
         "FILLED": 2,
         "ERASED": 3,
+        "FILLED_BORDER": 4,
     }
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import typer
 
 from depthwarp.cli.batch_progress import DrawnLine, Interruption
+from depthwarp.cli.filter_choice import FilterChoice, FiltersOption, chain_of
 from depthwarp.cli.guard import run_command
 from depthwarp.cli.options import CloudArgument, DeviceOption, JsonOption, OffsetOption
-from depthwarp.cli.render import DepthChoice, EncodingChoice, FilterChoice
+from depthwarp.cli.render import DepthChoice, EncodingChoice
 from depthwarp.cli.report import Reporter, quiet_warp
 from depthwarp.errors import InputError
 
@@ -70,9 +71,7 @@ def batch(
     depth: Annotated[
         DepthChoice, typer.Option(help="Euclidean range, or z along the optical axis.")
     ] = DepthChoice.range,
-    filters: Annotated[
-        FilterChoice, typer.Option(help="The paper's erase and dilation, or none.")
-    ] = FilterChoice.paper,
+    filters: FiltersOption = FilterChoice.paper,
     min_range: Annotated[float, typer.Option(help="Nearest depth that is drawn [m].")] = 0.0,
     max_range: Annotated[float, typer.Option(help="Farthest depth that is drawn [m].")] = 15.0,
     encoding: Annotated[
@@ -96,11 +95,9 @@ def batch(
     def draw(interruption: Interruption) -> None:
         quiet_warp()
         from depthwarp.devices import resolve_device
-        from depthwarp.filters import paper
         from depthwarp.rendering.config import RenderConfig
 
-        chain = paper() if filters is FilterChoice.paper else ()
-        config = RenderConfig(depth.value, min_range, max_range, chain)
+        config = RenderConfig(depth.value, min_range, max_range, chain_of(filters))
         target = resolve_device(device)
         numbers = _encoding(output, encoding, max_range)
         with reporter.lens_warnings(camera or poses):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
+from depthwarp.cli.filter_choice import FilterChoice, FiltersOption, chain_of
 from depthwarp.cli.guard import run_command
 from depthwarp.cli.options import CloudArgument, DeviceOption, JsonOption, OffsetOption
 from depthwarp.cli.report import Reporter, quiet_warp
@@ -34,13 +35,6 @@ class DepthChoice(StrEnum):
 
     range = "range"
     z = "z"
-
-
-class FilterChoice(StrEnum):
-    """Filter chains by name."""
-
-    paper = "paper"
-    none = "none"
 
 
 class EncodingChoice(StrEnum):
@@ -104,9 +98,7 @@ def render(
     depth: Annotated[
         DepthChoice, typer.Option(help="Euclidean range, or z along the optical axis.")
     ] = DepthChoice.range,
-    filters: Annotated[
-        FilterChoice, typer.Option(help="The paper's erase and dilation, or none.")
-    ] = FilterChoice.paper,
+    filters: FiltersOption = FilterChoice.paper,
     min_range: Annotated[float, typer.Option(help="Nearest depth that is drawn [m].")] = 0.0,
     max_range: Annotated[float, typer.Option(help="Farthest depth that is drawn [m].")] = 15.0,
     encoding: Annotated[
@@ -157,7 +149,7 @@ def render(
                 points,
                 view,
                 depth=depth.value,
-                filters=dw.filters.paper() if filters is FilterChoice.paper else None,
+                filters=chain_of(filters),
                 min_range=min_range,
                 max_range=max_range,
                 device=device,

@@ -24,14 +24,14 @@ class DeviceMaps:
         depth: Depth [m], `wp.float32`, 0 = empty.
         index: Winning point, `wp.int32`, -1 = empty; None where nobody asked for it.
         state: Values of `State`, `wp.uint8`.
-        grids: What filters know of the cameras, `PixelGrid`, shape (views,).
+        grids: What filters know of the cameras, `PixelGrid`, shape (views,); None without filters.
         threads: Threads on a CPU; None for all cores that this process may use.
     """
 
     depth: Any
     index: Any
     state: Any
-    grids: Any
+    grids: Any = None
     threads: int | None = None
 
 

@@ -78,7 +78,7 @@ class RenderPlan:
             depth=arrays.empty(shape, wp.float32, device),
             index=arrays.empty(shape, wp.int32, device) if with_index else None,
             state=arrays.empty(shape, wp.uint8, device),
-            grids=device_grids(self._cameras, device),
+            grids=device_grids(self._cameras, device) if config.filters else None,
             threads=threads,
         )
         self._flat = [
@@ -115,7 +115,8 @@ class RenderPlan:
         """
         self._views.replace(views)
         self._cameras = [view.camera for view in views]
-        self._maps.grids.assign(pixel_grids(self._cameras))
+        if self._maps.grids is not None:
+            self._maps.grids.assign(pixel_grids(self._cameras))
 
     def look_from_device(self, optical_from_world: Any) -> None:
         """Look from poses that are on the device, `wp.array` of `wp.mat44f`, shape (V,)."""

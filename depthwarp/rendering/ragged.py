@@ -15,6 +15,7 @@ from depthwarp.depth_map import DepthMap, RenderStats, State
 from depthwarp.devices import check_memory, usable_cores
 from depthwarp.errors import InputError
 from depthwarp.filters import DeviceMaps
+from depthwarp.filters.maps import device_grids, pixel_grids
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.views import DeviceViews, ViewPlan
 from depthwarp.threads import thread_pool
@@ -83,7 +84,8 @@ class RaggedPlan:
             name: arrays.zeros(shape, OUTPUTS[name], device) if name in written else None
             for name in OUTPUTS
         }
-        self.maps = DeviceMaps(**own)
+        grids = device_grids(self._cameras, device) if config.filters else None
+        self.maps = DeviceMaps(**own, grids=grids, threads=threads)
         self._flat = [
             arrays.zeros((1, 1), OUTPUTS[name], device)  # kernels take no empty array
             if array is None
@@ -137,6 +139,8 @@ class RaggedPlan:
         """
         self._views.replace(views)
         self._cameras = [view.camera for view in views]
+        if self.maps.grids is not None:
+            self.maps.grids.assign(pixel_grids(self._cameras))
 
     def look_from_device(self, optical_from_world: Any) -> None:
         """Look from poses that are on the device, `wp.array` of `wp.mat44f`, shape (V,)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +13,17 @@ SUFFIXES = [".png", ".tiff", ".tif", ".npz"]
 
 
 def render(**options) -> dw.DepthMap:
-    """A map with all four states, through a view that is turned and shifted."""
+    """A map with all states, through a view that is turned and shifted."""
     rng = np.random.default_rng(0)
     points = rng.uniform(-6, 6, (3000, 3)).astype(np.float32)
     camera = dw.PinholeCamera.from_fov(
         (80, 60), (40, 30), (0.1, 0.2, 0.3), (5, 10, 70), position_frame="rotated"
     )
     filters = (dw.filters.remove_hidden(side=5), dw.filters.dilate(side=2))
-    return dw.render(dw.PointCloud(points), camera, filters=filters, device="cpu", **options)
+    drawn = dw.render(dw.PointCloud(points), camera, filters=filters, device="cpu", **options)
+    state = drawn.state.copy()
+    state[tuple(np.argwhere(state == dw.State.FILLED)[:20].T)] = dw.State.FILLED_BORDER
+    return dataclasses.replace(drawn, state=state)
 
 
 def assert_same(ours: dw.DepthMap, theirs: dw.DepthMap) -> None:
