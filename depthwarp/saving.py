@@ -174,10 +174,11 @@ def _png_writer(
 ) -> tuple[Callable[[Path], None], dict[str, Any]]:
     encoding = get_encoding(name, depth_map.max_range)
     values = encode_depth(depth_map.depth, encoding)
+    divisor = "" if encoding.divisor == 1 else f" * {encoding.divisor:g}"
     meaning = {
         "encoding": name,
         "dtype": "uint16",
-        "depth_m": f"value / {encoding.factor:g} * {encoding.divisor:g}",
+        "depth_m": f"value / {encoding.factor:g}{divisor}",
         "metres_per_unit": encoding.divisor / encoding.factor,
     }
     return lambda file: _write_image(file, values), meaning
