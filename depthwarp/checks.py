@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Sequence
 from typing import TypeVar
 
@@ -14,6 +15,7 @@ from depthwarp.errors import InputError
 __all__ = [
     "MAX_SIDE",
     "check_choice",
+    "check_count",
     "check_finite_vector",
     "check_fov",
     "check_matrix",
@@ -21,6 +23,7 @@ __all__ = [
     "check_positive",
     "check_size",
     "check_window",
+    "is_number",
 ]
 
 MAX_SIDE = 1 << 20
@@ -31,11 +34,17 @@ Choice = TypeVar("Choice", bound=str)
 
 def check_positive(name: str, value: float, unit: str = "") -> float:
     """Return `value` if it is a finite number above zero."""
-    if not (math.isfinite(value) and value > 0):
-        raise InputError(
-            f"{name} must be a finite number above 0{unit and ' ' + unit}, got {value}"
-        )
+    if not is_number(value) or not (math.isfinite(value) and value > 0):
+        got = value if is_number(value) else repr(value)
+        raise InputError(f"{name} must be a finite number above 0{unit and ' ' + unit}, got {got}")
     return float(value)
+
+
+def check_count(name: str, value: int) -> int:
+    """Return a whole number from 0."""
+    if not is_number(value) or not _is_whole(value) or value < 0:
+        raise InputError(f"{name} must be a whole number from 0, got {value!r}")
+    return int(value)
 
 
 def check_finite_vector(name: str, values: Sequence[float], length: int) -> tuple[float, ...]:
@@ -113,6 +122,13 @@ def check_choice(name: str, value: Choice, choices: Sequence[Choice]) -> Choice:
     if value not in choices:
         raise InputError(f"{name} must be one of {', '.join(map(repr, choices))}, got {value!r}")
     return value
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is one real number, infinity and NaN included; a truth value is none."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
 def _is_whole(value: float) -> bool:

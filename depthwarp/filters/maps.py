@@ -38,11 +38,12 @@ class DeviceMaps:
 def pixel_grids(cameras: Sequence[Camera]) -> npt.NDArray[Any]:
     """Records of `PixelGrid`, one a camera, as a NumPy array of shape (V,)."""
     struct: Any = PixelGrid
-    grids = np.zeros(len(cameras), struct.numpy_dtype())
+    grids: Any = np.zeros(len(cameras), struct.numpy_dtype())
     for row, camera in zip(grids, cameras, strict=True):
         row["slope"], row["constant"] = camera.pixel_pitch
         row["wraps"] = camera.wraps
-    return grids
+    records: npt.NDArray[Any] = grids
+    return records
 
 
 def device_grids(cameras: Sequence[Camera], device: Any) -> Any:

@@ -98,7 +98,7 @@ def check_cells(sizes: list[tuple[int, int]]) -> None:
 def _launch(
     kernel: Any, dim: tuple[int, ...], inputs: list[Any], outputs: list[Any], device: Any
 ) -> Callable[[], None]:
-    command = wp.launch(
+    command: Any = wp.launch(
         kernel, dim=dim, inputs=inputs, outputs=outputs, device=device, record_cmd=True
     )
     run: Callable[[], None] = command.launch

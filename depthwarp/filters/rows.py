@@ -49,7 +49,7 @@ def row_launch(
         most = max(rows * columns // LEAST_PIXELS, 1)
         count = 1 if threads == 1 else min(threads * PARTS_A_THREAD, most, rows)
     firsts = [rows * part // count for part in range(count + 1)]
-    commands = [
+    commands: list[Any] = [
         wp.launch(
             kernel,
             dim=(last - first, columns),

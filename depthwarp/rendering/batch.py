@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from typing import Any
 
 from depthwarp.cameras import Camera, DepthKind
 from depthwarp.cloud import PointCloud
 from depthwarp.depth_maps import DepthMaps
+from depthwarp.devices import check_memory, resolve_device
 from depthwarp.errors import InputError
 from depthwarp.filters import Filter, check_filters
 from depthwarp.prepared import PreparedCloud
@@ -19,10 +20,13 @@ from depthwarp.rendering.tiles import Look, draw_looks
 
 __all__ = ["render_batch"]
 
+HOST_BYTES = 4 + 4 + 1
+"""A pixel of the maps that are returned: depth, index, state [bytes]."""
+
 
 def render_batch(
-    clouds: PointCloud | PreparedCloud | Sequence[PointCloud | PreparedCloud],
-    cameras: Sequence[Camera | RangeView] | Mapping[str, Camera],
+    clouds: PointCloud | PreparedCloud | Iterable[PointCloud | PreparedCloud],
+    cameras: Iterable[Camera | RangeView] | Mapping[str, Camera],
     *,
     depth: DepthKind = "range",
     filters: Sequence[Filter] | None = None,
@@ -49,7 +53,8 @@ def render_batch(
     Raises:
         InputError: No camera, another number of clouds than of cameras, or what `render` refuses.
         DeviceError: The device is not on this machine.
-        CapacityError: Maps or clouds do not fit the device's memory.
+        CapacityError: A view or a cloud does not fit the device's memory, or all maps together do
+            not fit the host's: `render_stream` gives them one by one. Nothing is drawn then.
 
     Example:
         >>> import numpy as np, depthwarp as dw
@@ -59,14 +64,10 @@ def render_batch(
         >>> dw.render_batch(cloud, turns, device="cpu").depth.shape
         (2, 3, 4)
     """
-    names = tuple(cameras) if isinstance(cameras, Mapping) else None
+    names = tuple(map(str, cameras)) if isinstance(cameras, Mapping) else None
     looks = looks_of(clouds, cameras, device)
-    one = isinstance(clouds, PointCloud | PreparedCloud)
-    if not one and len(clouds) != len(cameras):
-        raise InputError(
-            f"clouds must be one for all cameras or one for each: got {len(clouds)} clouds and "
-            f"{len(cameras)} cameras"
-        )
+    if not isinstance(clouds, PointCloud | PreparedCloud):
+        _check_counts(clouds, cameras)
     config = RenderConfig(depth, min_range, max_range, check_filters(filters))
     target = device_of(clouds, device)
     # Those that can be drawn together come together, whatever the order of the cameras.
@@ -76,6 +77,27 @@ def render_batch(
     together = [pair for group in groups.values() for pair in group]
     if not together:
         raise InputError("cameras must be at least one")
+    _check_maps([look for _, look in together])
     drawn = draw_looks((look for _, look in together), config, target)
     maps = {number: depth_map for (number, _), depth_map in zip(together, drawn, strict=True)}
     return DepthMaps([maps[number] for number in range(len(maps))], names)
+
+
+def _check_counts(clouds: Iterable[Any], cameras: Iterable[Any]) -> None:
+    """Refuse lists of different lengths; of generators it is seen when one of them ends."""
+    if isinstance(clouds, Sized) and isinstance(cameras, Sized) and len(clouds) != len(cameras):
+        raise InputError(
+            f"clouds must be one for all cameras or one for each: got {len(clouds)} clouds and "
+            f"{len(cameras)} cameras"
+        )
+
+
+def _check_maps(looks: Sequence[Look]) -> None:
+    """Refuse views whose maps would not fit the host's memory together."""
+    sizes = [look.view.camera.size for look in looks]
+    check_memory(
+        f"a batch of {len(looks)} views",
+        HOST_BYTES * sum(width * height for width, height in sizes),
+        resolve_device("cpu"),
+        "use dw.render_stream, which gives the maps one by one",
+    )

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from depthwarp.cameras import DepthKind
-from depthwarp.checks import check_choice
+from depthwarp.checks import check_choice, is_number
 from depthwarp.errors import InputError
 from depthwarp.filters import Filter
 
@@ -24,7 +24,7 @@ class RenderConfig:
         filters: Applied in order after the splat.
 
     Raises:
-        InputError: An unknown kind, or bounds that are not 0 <= min_range < max_range.
+        InputError: An unknown kind, or bounds that are not numbers 0 <= min_range < max_range.
     """
 
     depth: DepthKind = "range"
@@ -34,6 +34,9 @@ class RenderConfig:
 
     def __post_init__(self) -> None:
         check_choice("depth", self.depth, ("range", "z"))
+        for name, bound in (("min_range", self.min_range), ("max_range", self.max_range)):
+            if not is_number(bound):
+                raise InputError(f"{name} must be a number [m], got {bound!r}")
         if math.isnan(self.max_range) or not 0 <= self.min_range < self.max_range:
             raise InputError(
                 "min_range and max_range must be 0 <= min_range < max_range [m], "

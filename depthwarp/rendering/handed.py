@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,13 @@ import numpy.typing as npt
 import warp as wp
 
 from depthwarp import arrays
-from depthwarp.cameras import Pose
+from depthwarp.cameras import Camera, Pose
+from depthwarp.checks import check_choice
+from depthwarp.cloud import PointCloud
 from depthwarp.errors import InputError
 from depthwarp.prepared import PreparedCloud
 
-__all__ = ["check_array", "check_points", "check_poses"]
+__all__ = ["check_array", "check_cameras", "check_outputs", "check_points", "check_poses"]
 
 
 def check_array(
@@ -36,6 +39,53 @@ def check_array(
     return array
 
 
+def check_cameras(cameras: Iterable[Camera]) -> tuple[Camera, ...]:
+    """Return cameras of one image size.
+
+    Raises:
+        InputError: Something else than cameras, none, or several sizes.
+    """
+    if isinstance(cameras, Camera):
+        raise InputError(
+            f"cameras must be several, in a list, got one {type(cameras).__name__}: [camera]"
+        )
+    if not isinstance(cameras, Iterable):
+        raise InputError(f"cameras must be several, in a list, got {type(cameras).__name__}")
+    checked = tuple(cameras)
+    for camera in checked:
+        if not isinstance(camera, Camera):
+            raise InputError(f"cameras must be cameras, got {type(camera).__name__}")
+    if not checked:
+        raise InputError("cameras must be at least one, got an empty list")
+    sizes = sorted({camera.size for camera in checked})
+    if len(sizes) > 1:
+        raise InputError(
+            "cameras must all be of one image size, got "
+            f"{', '.join(f'{width} x {height}' for width, height in sizes[:4])}: make a Renderer "
+            "for each size, or use dw.render_batch"
+        )
+    return checked
+
+
+def check_outputs(outputs: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of what is drawn.
+
+    Raises:
+        InputError: Not a list of some of the known names.
+    """
+    names = ", ".join(map(repr, known))
+    if isinstance(outputs, str):
+        raise InputError(
+            f"outputs must be a list of some of {names}, got the text {outputs!r}: ({outputs!r},)"
+        )
+    if not isinstance(outputs, Iterable):
+        raise InputError(f"outputs must be a list of some of {names}, got {outputs!r}")
+    checked = tuple(check_choice("outputs", name, known) for name in outputs)
+    if not checked:
+        raise InputError(f"outputs must be a list of some of {names}, got none")
+    return checked
+
+
 def check_points(points: Any, most: int, device: Any) -> Any:
     """Return points as a plan takes them: a `wp.array` of `wp.vec3f`, or a prepared cloud.
 
@@ -49,8 +99,10 @@ def check_points(points: Any, most: int, device: Any) -> Any:
                 f"{device.alias}"
             )
         count, cloud = len(points), points
+    elif isinstance(points, PointCloud):
+        count, cloud = len(points), _host_points(points.points_world, device, "cloud.points_world")
     elif isinstance(points, np.ndarray):
-        count, cloud = len(points), _host_points(points, device)
+        count, cloud = len(points), _host_points(points, device, "points")
     else:
         cloud = check_array("points", points, wp.vec3f, device)
         count = cloud.shape[0]
@@ -59,7 +111,7 @@ def check_points(points: Any, most: int, device: Any) -> Any:
     return cloud
 
 
-def _host_points(points: npt.NDArray[Any], device: Any) -> Any:
+def _host_points(points: npt.NDArray[Any], device: Any, name: str) -> Any:
     if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 3:
         raise InputError(
             f"points must be float32 of the shape (N, 3), got {points.dtype} of {points.shape}"
@@ -67,7 +119,7 @@ def _host_points(points: npt.NDArray[Any], device: Any) -> Any:
     if device.is_cuda:
         raise InputError(
             f"points are on the host and the renderer is on {device.alias}: bring them there "
-            "once, wp.array(points, dtype=wp.vec3f, device=...)"
+            f"once, wp.array({name}, dtype=wp.vec3f, device='{device.alias}')"
         )
     return arrays.share_points(np.ascontiguousarray(points), device)
 

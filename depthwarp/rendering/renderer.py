@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from depthwarp.cameras import Camera, DepthKind
-from depthwarp.checks import check_choice
+from depthwarp.checks import check_count
 from depthwarp.depth_map import DepthMap
 from depthwarp.devices import resolve_device
 from depthwarp.errors import InputError
@@ -17,7 +17,13 @@ from depthwarp.filters import Filter, check_filters
 from depthwarp.prepared import PreparedCloud
 from depthwarp.rendering.clouds import CloudsOfViews
 from depthwarp.rendering.config import RenderConfig
-from depthwarp.rendering.handed import check_array, check_points, check_poses
+from depthwarp.rendering.handed import (
+    check_array,
+    check_cameras,
+    check_outputs,
+    check_points,
+    check_poses,
+)
 from depthwarp.rendering.plan import RenderPlan
 from depthwarp.rendering.ragged import OUTPUTS, RaggedPlan
 from depthwarp.rendering.views import DeviceViews, ViewPlan
@@ -82,17 +88,9 @@ class Renderer:
         max_range: float = 15.0,
         device: str | None = None,
     ) -> None:
-        for name in outputs:
-            check_choice("outputs", name, tuple(OUTPUTS))
-        if not outputs:
-            raise InputError(f"outputs must be some of {', '.join(OUTPUTS)}, got none")
-        if max_points < 0:
-            raise InputError(f"max_points must be a whole number from 0, got {max_points}")
-        for camera in cameras:
-            if not isinstance(camera, Camera):
-                raise InputError(f"cameras must be cameras, got {type(camera).__name__}")
-        self._cameras = tuple(cameras)
-        self._max_points, self._outputs = int(max_points), tuple(outputs)
+        self._outputs = check_outputs(outputs, tuple(OUTPUTS))
+        self._max_points = check_count("max_points", max_points)
+        self._cameras = check_cameras(cameras)
         self._device = resolve_device(device)
         self._config = RenderConfig(depth, min_range, max_range, check_filters(filters))
         # Refuses views that cannot be one plan's.
@@ -120,7 +118,8 @@ class Renderer:
         Args:
             points: Points in the world frame [m]: `wp.array` of `wp.vec3f`, shape (N,), on the
                 renderer's device; a `PreparedCloud` of it (without `offsets`); or, on a CPU, a
-                NumPy array, shape (N, 3), float32. Of many clouds one behind the other.
+                `PointCloud` or a NumPy array, shape (N, 3), float32, used where they are. Of many
+                clouds one behind the other.
             poses: New poses, world to OpenCV's optical axes: `wp.array` of `wp.mat44f`, shape
                 (V,), on the device, taken as they are; or a NumPy array, shape (V, 4, 4), whose
                 rotations are checked, which takes the host some 70 us a view. None: those of
@@ -145,6 +144,11 @@ class Renderer:
                 cloud that there is not is empty.
             CapacityError: In the first call: the buffers do not fit the device's memory.
         """
+        if out is not None and not isinstance(out, Mapping):
+            raise InputError(
+                'out must be arrays by the names of the outputs, {"depth": array}, got '
+                f"{type(out).__name__}"
+            )
         cloud = check_points(points, self._max_points, self._device)
         cameras = self._checked_poses(poses)
         plan = self._plan(cloud, offsets, cloud_of)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+import numpy as np
+import warp as wp
+
 from depthwarp.cameras import Camera, DepthKind
 from depthwarp.cloud import PointCloud
 from depthwarp.depth_map import DepthMap
@@ -79,18 +82,24 @@ def looks_of(
     """Pairs of a cloud and a view of it, made as they are taken.
 
     Raises:
-        InputError: One camera instead of several; and later, with its number, a camera that cannot
-            be used, or another number of clouds than of cameras.
+        InputError: One camera instead of several, or points that are no cloud; and later, with its
+            number, a camera that cannot be used, or another number of clouds than of cameras.
     """
     if isinstance(cameras, Camera | RangeView):
         raise InputError(
             "cameras must be several, in a list or a rig, got one "
             f"{type(cameras).__name__}: [camera], or dw.render(cloud, camera)"
         )
+    if not isinstance(cameras, Iterable):
+        raise InputError(
+            f"cameras must be several, in a list or a rig, got {type(cameras).__name__}"
+        )
     each = cameras.values() if isinstance(cameras, Mapping) else cameras
     if isinstance(clouds, PointCloud | PreparedCloud):
         return (_look(clouds, camera, n, device) for n, camera in enumerate(each))
-    if not isinstance(clouds, Iterable):
+    # Arrays of points are iterable too, row by row.
+    is_points = isinstance(clouds, wp.array | np.ndarray) and clouds.dtype != object
+    if is_points or not isinstance(clouds, Iterable):
         raise InputError(
             f"clouds must be a PointCloud or several, got {type(clouds).__name__}: "
             "dw.PointCloud(points)"

@@ -101,7 +101,7 @@ class DeviceViews:
     def _host_arrays(self, views: Sequence[ViewPlan]) -> tuple[Any, Any, Any]:
         """Views, lenses and tables as NumPy arrays."""
         struct: Any = View
-        numbers = np.zeros(len(views), struct.numpy_dtype())
+        numbers: Any = np.zeros(len(views), struct.numpy_dtype())
         lenses: list[Any] = []
         tables: list[np.ndarray[Any, np.dtype[np.float32]]] = []
         first = 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import warp as wp
 
 import depthwarp as dw
 from depthwarp.errors import InputError
@@ -58,6 +59,42 @@ def test_each_camera_may_see_its_own_cloud(device):
     for depth_map, cloud, camera in zip(maps, clouds, cameras, strict=True):
         assert_same(depth_map, dw.render(cloud, camera, device=device))
         assert depth_map.stats.total == len(cloud)
+
+
+def test_clouds_and_cameras_of_generators():
+    """A batch of generators is that of lists; the number of clouds is asked for all the same."""
+    clouds, camera = [cloud_of(1), cloud_of(2)], dw.PinholeCamera.from_fov((80, 60), (16, 12))
+    maps = dw.render_batch(iter(clouds), iter([camera] * 2), device="cpu")
+    for depth_map, cloud in zip(maps, clouds, strict=True):
+        assert_same(depth_map, dw.render(cloud, camera, device="cpu"))
+    with pytest.raises(InputError, match="there are 2 clouds and more cameras"):
+        dw.render_batch(iter(clouds), [camera] * 3, device="cpu")
+    with pytest.raises(InputError, match="more clouds than the 1 cameras"):
+        dw.render_batch(clouds, iter([camera]), device="cpu")
+
+
+@pytest.mark.parametrize("draw", [dw.render_batch, dw.render_stream])
+@pytest.mark.parametrize(
+    ("clouds", "cameras", "message"),
+    [
+        (cloud_of(1, 9), None, "cameras must be several, in a list or a rig, got NoneType"),
+        (cloud_of(1, 9), 5, "cameras must be several, in a list or a rig, got int"),
+        (
+            np.zeros((9, 3), np.float32),
+            [],
+            r"PointCloud or several, got ndarray: dw.PointCloud\(points\)",
+        ),
+        (
+            wp.zeros(9, dtype=wp.vec3f, device="cpu"),
+            [],
+            r"PointCloud or several, got array: dw.PointCloud\(points\)",
+        ),
+    ],
+)
+def test_what_is_refused_at_once(draw, clouds, cameras, message):
+    """Points that are no cloud, and no cameras: also of a stream, before its first map."""
+    with pytest.raises(InputError, match=message):
+        draw(clouds, cameras, device="cpu")
 
 
 def test_views_of_one_size_stack():

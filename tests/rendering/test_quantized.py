@@ -156,10 +156,10 @@ def test_it_says_how_many_bytes_a_point_takes():
     assert sum(array.size for array in words) * 4 == 6 * 4 * BLOCK
 
 
-@pytest.mark.parametrize("value", [0.0, -1e-3, math.nan, math.inf])
+@pytest.mark.parametrize("value", [0.0, -1e-3, math.nan, math.inf, "x", [0.1], True])
 def test_a_bound_that_is_none_is_refused(value):
-    """Above 0 and finite; `None`, not 0, is the word for exact."""
-    with pytest.raises(InputError, match="max_error"):
+    """A number above 0 and finite; `None`, not 0, is the word for exact."""
+    with pytest.raises(InputError, match="max_error must be a finite number above 0 m, got"):
         dw.PointCloud(room(3)).prepare(device="cpu", max_error=value)
 
 

@@ -26,6 +26,25 @@ def test_bounds_that_are_no_interval_are_refused(low, high):
         dw.render(cloud, camera, min_range=low, max_range=high, device="cpu")
 
 
+@pytest.mark.parametrize("bound", ["min_range", "max_range"])
+@pytest.mark.parametrize("value", ["a", None, [1.0], True])
+def test_bounds_that_are_no_numbers_are_refused(bound, value):
+    """The message says which of the two, and what it got."""
+    camera = dw.PinholeCamera.from_fov((60, 45), (3, 3))
+    cloud = dw.PointCloud(np.zeros((1, 3), np.float32))
+    with pytest.raises(InputError) as refused:
+        dw.render(cloud, camera, device="cpu", **{bound: value})
+    assert str(refused.value) == f"{bound} must be a number [m], got {value!r}"
+
+
+@pytest.mark.parametrize("value", [4, np.float32(4), np.int64(4), np.array(4.0), math.inf])
+def test_bounds_of_any_type_of_number(value):
+    """Python's, NumPy's, an array of no dimension, infinity."""
+    camera = dw.PinholeCamera.from_fov((60, 45), (3, 3))
+    cloud = dw.PointCloud(np.array([[2, 0, 0]], np.float32))
+    assert dw.render(cloud, camera, max_range=value, device="cpu").depth[1, 1] == 2
+
+
 def test_an_unknown_depth_kind_is_refused():
     """The message lists the kinds."""
     camera = dw.PinholeCamera.from_fov((60, 45), (3, 3))
@@ -72,6 +91,25 @@ def test_filters_count_in_the_memory_of_a_map(device, monkeypatch):
     dw.render(cloud, camera, device=device)
     with pytest.raises(CapacityError):
         dw.render(cloud, camera, filters=dw.filters.paper(), device=device)
+
+
+def test_a_batch_whose_maps_do_not_fit_is_refused(monkeypatch):
+    """3 views of 400 x 300 are 3.24 MB of maps: a byte less is refused, nothing is drawn."""
+    cameras = [dw.PinholeCamera.from_fov((60, 45), (400, 300))] * 3
+    cloud = dw.PointCloud(np.ones((1, 3)))
+    drawn: list[object] = []
+    monkeypatch.setattr(
+        "depthwarp.rendering.batch.draw_looks", lambda looks, *_: drawn.extend(looks) or iter(drawn)
+    )
+    needed = 3 * 400 * 300 * 9
+    monkeypatch.setattr("depthwarp.devices.free_memory", lambda device: needed - 1)
+    message = r"a batch of 3 views needs 0.00324 GB on cpu, .* GB are free: use dw.render_stream"
+    with pytest.raises(CapacityError, match=message):
+        dw.render_batch(cloud, cameras, device="cpu")
+    assert not drawn
+    monkeypatch.setattr("depthwarp.devices.free_memory", lambda device: needed)
+    dw.render_batch(cloud, cameras, device="cpu")
+    assert len(drawn) == 3
 
 
 def test_free_memory_is_a_number_of_this_machine(device):

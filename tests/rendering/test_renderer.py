@@ -8,6 +8,7 @@ import warp as wp
 
 import depthwarp as dw
 from depthwarp.errors import InputError
+from depthwarp.rendering.handed import check_points
 
 
 def points_of(seed: int, count: int = 2000) -> np.ndarray:
@@ -110,17 +111,20 @@ def test_callers_arrays_are_written(device):
 
 
 def test_prepared_clouds_and_host_points(device):
-    """A prepared cloud; on a CPU also NumPy points, which are not copied."""
+    """A prepared cloud; on a CPU also NumPy points and a cloud of them, which are not copied."""
     points = points_of(9)
     renderer = dw.Renderer(cameras(), max_points=2000, device=device)
     expected = renderer.render(upload(points, wp.vec3f, device))["index"].numpy().copy()
     prepared = dw.PointCloud(points).prepare(device=device)
     np.testing.assert_array_equal(renderer.render(prepared)["index"].numpy(), expected)
-    if device == "cpu":
-        np.testing.assert_array_equal(renderer.render(points)["index"].numpy(), expected)
-    else:
-        with pytest.raises(InputError, match="on the host"):
-            renderer.render(points)
+    for given, name in ((points, "points"), (dw.PointCloud(points), "cloud.points_world")):
+        if device == "cpu":
+            np.testing.assert_array_equal(renderer.render(given)["index"].numpy(), expected)
+            shared = check_points(given, 2000, wp.get_device(device)).numpy()
+            assert np.shares_memory(shared, points)
+        else:
+            with pytest.raises(InputError, match=rf"on the host.*wp.array\({name}, .*'{device}"):
+                renderer.render(given)
 
 
 def test_replayed_as_a_graph(device):
@@ -145,15 +149,23 @@ def test_replayed_as_a_graph(device):
     [
         ({"outputs": ()}, "got none"),
         ({"outputs": ("depth", "normals")}, "'normals'"),
-        ({"max_points": -1}, "max_points"),
-        ({"cameras": []}, "at least one"),
+        ({"outputs": None}, r"list of some of 'depth', 'index', 'state', got None"),
+        ({"outputs": 5}, "list of some of .*, got 5"),
+        ({"outputs": "depth"}, r"list of some of .*, got the text 'depth': \('depth',\)"),
+        ({"max_points": -1}, "max_points must be a whole number from 0, got -1"),
+        ({"max_points": "10"}, "max_points must be a whole number from 0, got '10'"),
+        ({"max_points": None}, "max_points must be a whole number from 0, got None"),
+        ({"max_points": 1.5}, "max_points must be a whole number from 0, got 1.5"),
+        ({"cameras": []}, "cameras must be at least one, got an empty list"),
+        ({"cameras": None}, "cameras must be several, in a list, got NoneType"),
+        ({"cameras": cameras()[0]}, r"got one PinholeCamera: \[camera\]"),
         (
             {"cameras": [cameras()[0], dw.EquirectangularCamera.looking((20, 15))]},
             "one camera model",
         ),
         (
             {"cameras": [cameras()[0], dw.PinholeCamera.from_fov((60, 45), (8, 6))]},
-            "one image size",
+            "cameras must all be of one image size, got 8 x 6, 20 x 15: make a Renderer",
         ),
         ({"cameras": ["camera"]}, "got str"),
     ],
@@ -180,7 +192,11 @@ def test_what_cannot_be_made(options, message):
             r"poses\[1\].*rotation",
         ),
         (points_of(1, 5), "poses", None, "got str"),
+        (points_of(1, 5), None, "x", "out must be arrays by the names of the outputs, .*got str"),
+        (points_of(1, 5), None, np.zeros((3, 15, 20), np.float32), "by the names.*got ndarray"),
+        (points_of(1, 5), None, [], "by the names.*got list"),
         (points_of(1, 5), None, {"state": None}, "'state'"),
+        (dw.PointCloud(points_of(1, 11)), None, None, "11 points are more than"),
         (
             points_of(1, 5),
             None,
