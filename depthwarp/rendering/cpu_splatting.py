@@ -71,6 +71,7 @@ class CpuSplatter:
             [(self._keys[b, v], self._counts[b, v]) for v in range(views.count)]
             for b in range(buffers)
         ]
+        self._used = 1  # buffers that hold something
         wp.load_module(resolving.resolve.module, device=device)
         self._nothing = arrays.zeros(1, wp.int32, device)
         self._loaded: dict[PointSource, _Kernels] = {}
@@ -81,13 +82,15 @@ class CpuSplatter:
         self._counts.zero_()
         views = range(self._views.count)
         if self._threads == 1 or points.whole_blocks * len(views) < LEAST_BLOCKS:
-            self._keys.fill_(self._empty)
+            self._used = 1
+            self._keys[0].fill_(self._empty)
             for view in views:
                 self._draw_view(kernels, points, view)
         elif len(self._buffers) == 1:
             self._draw_apart(kernels, points)
         else:
-            self._keys.fill_(self._empty)
+            self._used = len(self._buffers)
+            self._share(lambda thread: self._keys[thread].fill_(self._empty))
             for view in views:
                 self._draw_together(kernels, points, view)
         self._draw_rest(kernels, points)
@@ -251,7 +254,7 @@ class CpuSplatter:
         whole = self._pixels // resolving.BLOCK
         counted = self._buffers[thread if len(self._buffers) > 1 else 0]
         for view, first, end in parts:
-            for other in self._buffers[1:]:
+            for other in self._buffers[1 : self._used]:
                 wp.launch(
                     merge,
                     dim=end - first,

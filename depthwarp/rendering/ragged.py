@@ -7,19 +7,18 @@ from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import warp as wp
 
 from depthwarp import arrays
-from depthwarp.depth_map import DepthMap, RenderStats, State
+from depthwarp.depth_map import DepthMap, State
 from depthwarp.devices import check_memory, usable_cores
 from depthwarp.errors import InputError
 from depthwarp.filters import DeviceMaps
-from depthwarp.filters.maps import device_grids, pixel_grids
+from depthwarp.filters.maps import device_grids
 from depthwarp.rendering.config import RenderConfig
-from depthwarp.rendering.views import DeviceViews, ViewPlan
+from depthwarp.rendering.looking import NO_INDEX, LookingPlan, stats_of
+from depthwarp.rendering.views import ViewPlan
 from depthwarp.threads import thread_pool
-from depthwarp_kernels import poses as pose_kernels
 from depthwarp_kernels import ragged, ragged_fused, splat
 from depthwarp_kernels.point_source import PLAIN
 
@@ -37,7 +36,7 @@ LEAST_WORK = 100_000
 """Points and pixels from which a second thread pays: some tenths of a millisecond."""
 
 
-class RaggedPlan:
+class RaggedPlan(LookingPlan):
     """Owns the buffers of V views of one lens model and size; each draws a cloud of its own.
 
     The clouds lie in one array of points, one behind the other. On a CPU a thread clears, draws and
@@ -71,9 +70,7 @@ class RaggedPlan:
         device: Any,
         threads: int | None = None,
     ) -> None:
-        self._views = DeviceViews(views, config, device, culls=False)
-        self._cameras = [view.camera for view in views]
-        self._config, self._device = config, device
+        super().__init__(views, config, device, culls=False)
         self._threads = 1 if device.is_cuda else threads or usable_cores()
         written = frozenset(OUTPUTS if config.filters else outputs)
         width, height = self._views.size
@@ -131,28 +128,6 @@ class RaggedPlan:
         for step in self._filters:
             step()
 
-    def look_from(self, views: Sequence[ViewPlan]) -> None:
-        """Look from elsewhere: as many views, of the same camera model and size.
-
-        Raises:
-            InputError: Another number of views, another model or size.
-        """
-        self._views.replace(views)
-        self._cameras = [view.camera for view in views]
-        if self.maps.grids is not None:
-            self.maps.grids.assign(pixel_grids(self._cameras))
-
-    def look_from_device(self, optical_from_world: Any) -> None:
-        """Look from poses that are on the device, `wp.array` of `wp.mat44f`, shape (V,)."""
-        views = self._views.arrays[0]
-        wp.launch(
-            pose_kernels.look_from,
-            dim=views.shape,
-            inputs=[optical_from_world],
-            outputs=[views],
-            device=self._device,
-        )
-
     def depth_maps(self, count: int | None = None) -> list[DepthMap]:
         """The maps of the last `render`, of all views or so many of the first.
 
@@ -163,28 +138,17 @@ class RaggedPlan:
         """
         maps = self.maps
         if maps.depth is None or maps.index is None:
-            raise InputError("a DepthMap has an index: ask for the outputs 'depth' and 'index'")
+            raise InputError(NO_INDEX)
         depth, index = maps.depth.numpy(), maps.index.numpy()
         # Without filters, which work on all maps, a pixel is measured where there is a winner.
         if maps.state is None:
             state = np.where(index >= 0, State.MEASURED, State.EMPTY).astype(np.uint8)
         else:
             state = maps.state.numpy()
-        counts = self._counts.numpy()
-        return [
-            DepthMap(
-                depth=depth[v].copy(),
-                index=index[v].copy(),
-                state=state[v].copy(),
-                camera=camera,
-                kind=self._config.depth,
-                min_range=self._config.min_range,
-                max_range=self._config.max_range,
-                stats=_stats(counts[v]),
-                filters=tuple(map(repr, self._config.filters)),
-            )
-            for v, camera in enumerate(self._cameras[:count])
-        ]
+        rows = self._counts.numpy()[:count]
+        return self._depth_maps(
+            depth, index, state, [stats_of(row[:-1], int(row[-1])) for row in rows]
+        )
 
     def _check_memory(self, written: frozenset[str]) -> None:
         width, height = self._views.size
@@ -252,18 +216,3 @@ class RaggedPlan:
         parts = min(views, self._threads * PARTS_A_THREAD)
         bounds = [views * part // parts for part in range(parts + 1)]
         list(thread_pool(self._threads).map(draw, bounds[:-1], bounds[1:]))
-
-
-def _stats(counts: npt.NDArray[np.int64]) -> RenderStats:
-    """What became of the points of one view, from its row of counts."""
-    not_finite, behind, outside, too_far, too_near, drawn, total = counts.tolist()
-    return RenderStats(
-        total=total,
-        not_finite=not_finite,
-        behind=behind,
-        outside=outside,
-        too_far=too_far,
-        too_near=too_near,
-        hidden=total - (not_finite + behind + outside + too_far + too_near + drawn),
-        drawn=drawn,
-    )
