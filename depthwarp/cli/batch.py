@@ -10,10 +10,21 @@ import numpy as np
 import typer
 
 from depthwarp.cli.batch_progress import DrawnLine, Interruption
-from depthwarp.cli.filter_choice import FilterChoice, FiltersOption, chain_of
+from depthwarp.cli.drawing_options import (
+    CameraNameOption,
+    DepthChoice,
+    DepthOption,
+    EncodingChoice,
+    FilterChoice,
+    FiltersOption,
+    FovOption,
+    MaxRangeOption,
+    MinRangeOption,
+    SizeOption,
+    chain_of,
+)
 from depthwarp.cli.guard import run_command
 from depthwarp.cli.options import CloudArgument, DeviceOption, JsonOption, OffsetOption
-from depthwarp.cli.render import DepthChoice, EncodingChoice
 from depthwarp.cli.report import Reporter, quiet_warp
 from depthwarp.errors import InputError
 
@@ -54,26 +65,13 @@ def batch(
         Path | None,
         typer.Option(help="Take the lens from a camera file, for poses that have none."),
     ] = None,
-    camera_name: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Which camera of a file with several.")
-    ] = None,
-    fov: Annotated[
-        tuple[float, float] | None,
-        typer.Option(metavar="H V", help="Field of view, horizontal and vertical [degrees]."),
-    ] = None,
-    size: Annotated[
-        tuple[int, int] | None,
-        typer.Option(
-            metavar="W H",
-            help="Image size [px]: a camera with the field of view, or of a file without one.",
-        ),
-    ] = None,
-    depth: Annotated[
-        DepthChoice, typer.Option(help="Euclidean range, or z along the optical axis.")
-    ] = DepthChoice.range,
+    camera_name: CameraNameOption = None,
+    fov: FovOption = None,
+    size: SizeOption = None,
+    depth: DepthOption = DepthChoice.range,
     filters: FiltersOption = FilterChoice.paper,
-    min_range: Annotated[float, typer.Option(help="Nearest depth that is drawn [m].")] = 0.0,
-    max_range: Annotated[float, typer.Option(help="Farthest depth that is drawn [m].")] = 15.0,
+    min_range: MinRangeOption = 0.0,
+    max_range: MaxRangeOption = 15.0,
     encoding: Annotated[
         EncodingChoice | None,
         typer.Option(help="Numbers of the pngs: 65535 = max range (range16), mm, or m * 256."),

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
-from depthwarp.cli.filter_choice import FilterChoice, FiltersOption, chain_of
+from depthwarp.cli.drawing_options import (
+    CameraNameOption,
+    DepthChoice,
+    DepthOption,
+    EncodingChoice,
+    FilterChoice,
+    FiltersOption,
+    FovOption,
+    MaxRangeOption,
+    MinRangeOption,
+    SizeOption,
+    chain_of,
+)
 from depthwarp.cli.guard import run_command
 from depthwarp.cli.options import CloudArgument, DeviceOption, JsonOption, OffsetOption
 from depthwarp.cli.report import Reporter, quiet_warp
@@ -30,21 +41,6 @@ if TYPE_CHECKING:
 __all__ = ["render"]
 
 
-class DepthChoice(StrEnum):
-    """Depth kinds by name."""
-
-    range = "range"
-    z = "z"
-
-
-class EncodingChoice(StrEnum):
-    """16-bit encodings by name."""
-
-    range16 = "range16"
-    millimetres = "millimetres"
-    kitti = "kitti"
-
-
 def render(
     cloud: CloudArgument,
     output: Annotated[
@@ -58,17 +54,8 @@ def render(
         tuple[float, float, float] | None,
         typer.Option(metavar="A B G", help="Roll, pitch and yaw, C_O [degrees]."),
     ] = None,
-    fov: Annotated[
-        tuple[float, float] | None,
-        typer.Option(metavar="H V", help="Field of view, horizontal and vertical [degrees]."),
-    ] = None,
-    size: Annotated[
-        tuple[int, int] | None,
-        typer.Option(
-            metavar="W H",
-            help="Image size [px]: a camera with the field of view, or of a file without one.",
-        ),
-    ] = None,
+    fov: FovOption = None,
+    size: SizeOption = None,
     q_depth_map: Annotated[
         float | None,
         typer.Option(metavar="M", help="Pixel size on the depth plane [m]: the paper's view."),
@@ -92,15 +79,11 @@ def render(
             "nerfstudio) or a depth map's; --position and --orientation put it elsewhere."
         ),
     ] = None,
-    camera_name: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Which camera of a file with several.")
-    ] = None,
-    depth: Annotated[
-        DepthChoice, typer.Option(help="Euclidean range, or z along the optical axis.")
-    ] = DepthChoice.range,
+    camera_name: CameraNameOption = None,
+    depth: DepthOption = DepthChoice.range,
     filters: FiltersOption = FilterChoice.paper,
-    min_range: Annotated[float, typer.Option(help="Nearest depth that is drawn [m].")] = 0.0,
-    max_range: Annotated[float, typer.Option(help="Farthest depth that is drawn [m].")] = 15.0,
+    min_range: MinRangeOption = 0.0,
+    max_range: MaxRangeOption = 15.0,
     encoding: Annotated[
         EncodingChoice | None,
         typer.Option(help="Numbers of a png: 65535 = max range (range16), mm, or m * 256."),
