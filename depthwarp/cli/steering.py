@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import select
+import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import TYPE_CHECKING, cast
@@ -25,6 +28,9 @@ if TYPE_CHECKING:
 __all__ = ["ask_person", "ended_by_signals", "steered", "wait_for_person"]
 
 PAUSE_KEYS = " pP"
+
+LOOK_AGAIN_S = 0.2
+"""Longest time that a signal waits while a person is asked."""
 
 
 def ended_by_signals(control: ScanControl, axis: Axis, text: str) -> AbstractContextManager[None]:
@@ -135,9 +141,30 @@ def ask_person(question: str) -> float | None:
 
 
 def wait_for_person(text: str) -> str:
-    """Show a text and wait for Enter; what was typed before it."""
+    """Show a text and wait for Enter; what was typed before it.
+
+    Raises:
+        typer.Abort: The input has ended, or Ctrl-C.
+    """
+    typer.echo(f"{text} ", nl=False, err=True)
     try:
-        return str(typer.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True))
+        return _read_line()
     except BaseException:
         typer.echo(err=True)  # what is said next begins a line
         raise
+
+
+def _read_line() -> str:
+    """The next line of the input, without its end."""
+    try:
+        if os.name == "posix" and sys.stdin.isatty():
+            # A signal that comes just before a read is not seen until the read returns, that is
+            # until the person types: look again every now and then.
+            while not select.select([sys.stdin], [], [], LOOK_AGAIN_S)[0]:
+                pass
+        line = sys.stdin.readline()
+    except KeyboardInterrupt:
+        raise typer.Abort from None
+    if not line:
+        raise typer.Abort
+    return line.rstrip("\n")

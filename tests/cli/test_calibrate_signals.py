@@ -7,7 +7,6 @@ import signal
 from pathlib import Path
 
 import pytest
-import typer
 
 from tests.cli.conftest import invoke
 from tests.scanner.fakes import FakeAxis, FakeSource
@@ -60,7 +59,7 @@ def test_a_signal_at_the_question_leaves_a_safe_machine(
         os.kill(os.getpid(), number)
         pytest.fail("the signal did not end the wait")
 
-    monkeypatch.setattr(typer, "prompt", ask)
+    monkeypatch.setattr("depthwarp.cli.steering._read_line", ask)
     result = calibrate(tmp_path)
     assert result.exit_code == 2, result.output
     assert "cancelled; the same command goes on" in result.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import shutil
@@ -16,7 +17,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import typer
 
 import depthwarp as dw
 from depthwarp.cli.steering import ask_person
@@ -201,8 +201,7 @@ def test_no_line_at_any_stop_is_refused(scanned, tmp_path):
 
 def test_a_person_is_asked_until_the_answer_is_a_number(monkeypatch, capsys):
     """A slip of the finger does not end the scan; just Enter is no number."""
-    answers = iter(["9o", "90.5", ""])
-    monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(answers))
+    monkeypatch.setattr("sys.stdin", io.StringIO("9o\n90.5\n\n"))
     assert ask_person("angle") == 90.5
     assert "'9o' is not a number" in capsys.readouterr().err
     assert ask_person("angle") is None
