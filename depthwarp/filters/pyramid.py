@@ -12,6 +12,7 @@ from depthwarp.errors import CapacityError
 from depthwarp.filters.maps import DeviceMaps
 from depthwarp.filters.rows import row_launch
 from depthwarp_kernels import filters_layers as layers
+from depthwarp_kernels import filters_spacing as spacings
 
 __all__ = ["PYRAMID_BYTES", "Pyramid", "check_cells", "level_sizes"]
 
@@ -38,30 +39,36 @@ class Pyramid:
         views, rows, columns = depth.shape
         self.spacing = arrays.empty(depth.shape, wp.uint8, device)
         self.limit = arrays.empty(views, wp.int32, device)
-        self._row_counts = arrays.empty((views, rows, layers.SPACING_BINS), wp.int32, device)
-        counts = arrays.empty((views, layers.SPACING_BINS), wp.int32, device)
+        self._row_counts = arrays.empty((views, rows, spacings.SPACING_BINS), wp.int32, device)
+        counts = arrays.empty((views, spacings.SPACING_BINS), wp.int32, device)
         sizes = level_sizes(rows, columns, layers.LEVELS)
         check_cells(sizes)
         firsts = [sum(r * c for r, c in sizes[:level]) for level in range(len(sizes))]
         self.cells = arrays.empty((views, sum(r * c for r, c in sizes)), wp.uint64, device)
 
+        words = arrays.empty((views, rows, -(-columns // spacings.WORD)), wp.uint32, device)
+        runs = rows, -(-columns // spacings.RUN)
+        maps_read = [depth, maps.state]
         self._steps = [
+            row_launch(spacings.mark_present, maps, maps_read, [words], words.shape[1:]),
             row_launch(
-                layers.find_spacing,
+                spacings.find_spacing,
                 maps,
-                [depth, maps.state, maps.grids],
+                [depth, words, maps.grids],
                 [self.spacing, self._row_counts],
+                runs,
             ),
-            _launch(layers.sum_counts, counts.shape, [self._row_counts], [counts], device),
-            _launch(layers.find_limit, (views,), [counts], [self.limit], device),
+            _launch(spacings.sum_counts, counts.shape, [self._row_counts], [counts], device),
+            _launch(spacings.find_limit, (views,), [counts], [self.limit], device),
             row_launch(
-                layers.fill_first_level,
+                layers.fill_first_levels,
                 maps,
                 [depth, self.spacing, self.limit],
                 [self.cells],
+                sizes[1],
             ),
         ]
-        for level in range(1, layers.LEVELS):
+        for level in range(2, layers.LEVELS):
             below = sizes[level - 1]
             numbers = [firsts[level - 1], firsts[level], *below, level]
             self._steps.append(

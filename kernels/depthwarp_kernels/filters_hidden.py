@@ -10,6 +10,7 @@ from depthwarp_kernels.filters_layers import (
     LEVELS,
     STATE_ERASED,
     PixelGrid,
+    cells_of_level,
     column_in_image,
     column_of_cell,
     depth_of_cell,
@@ -25,16 +26,20 @@ wp.set_module_options(EXACT)
 REACH = wp.constant(31)
 """Farthest offset of a pixel that is found in the pyramid, along rows and columns [px]."""
 
-HIDING_REACH = wp.constant(wp.float32(2.5))
-"""A pixel hides others up to so many times its own spacing away."""
+HIDING_REACH_4 = wp.constant(25)
+"""A pixel hides others up to 2.5 times its own spacing away: 25 is the square of twice that."""
 
-DENSE_REACH = wp.constant(wp.float32(1.5))
-"""One whose surface has no gaps, of spacing 1, hides only its eight neighbours."""
+DENSE_REACH_4 = wp.constant(9)
+"""The same of one whose surface has no gaps, of spacing 1: its eight neighbours."""
+
+MOST_TIMES_SPARSER = wp.constant(6)
+"""A pixel hides none whose own spacing is below a sixth of its: what is so sparse before a dense
+surface is seldom a surface, but mixed pixels and strays."""
 
 HIDING_MARGIN = wp.constant(wp.float32(0.02))
 HIDING_SHARE = wp.constant(wp.float32(0.002))
-HIDING_SLOPE = wp.constant(wp.float32(1.5))
-"""It has to be nearer by 0.02 m + 0.2 % of the hidden one's depth + 1.5 d pitch."""
+HIDING_SLOPE = wp.constant(wp.float32(1.0))
+"""It has to be nearer by 0.02 m + 0.2 % of the hidden one's depth + d pitch."""
 
 HALF_REACH = wp.constant(63)
 SIDE = wp.constant(127)
@@ -43,6 +48,9 @@ SIDE = wp.constant(127)
 MOST_EMPTY = wp.constant(6)
 """Longest run of empty sectors of a pixel that is hidden. Pixels on one side of a straight line,
 however it lies, touch 9 sectors of 16 at most, and leave a run of 7."""
+
+RUN = wp.constant(8)
+"""Columns that one thread takes, one after the other."""
 
 SECTORS = 16
 """Sectors of a full turn."""
@@ -77,11 +85,14 @@ def offset_round(offset: wp.int32, columns: wp.int32, wraps: wp.int32):
 
 
 @wp.func
-def hiding_reach(spacing: wp.int32):
-    """How far a pixel hides others [px]."""
-    return wp.where(spacing == 1, DENSE_REACH, HIDING_REACH * wp.float32(spacing))
+def is_in_reach(way_square: wp.int32, spacing: wp.int32, own_spacing: wp.int32):
+    """Whether a pixel hides another so far away, by their spacings."""
+    reach_4 = wp.where(spacing == 1, DENSE_REACH_4, HIDING_REACH_4 * spacing * spacing)
+    return 4 * way_square <= reach_4 and spacing <= MOST_TIMES_SPARSER * own_spacing
 
 
+# What is nearer by less than the margin in the areas of a level is so in those of finer levels too,
+# which lie inside of them: from coarse to fine, most pixels need a level or two.
 @wp.func
 def is_surrounded(
     cells: wp.array2d[wp.uint64],
@@ -93,37 +104,39 @@ def is_surrounded(
     rows: wp.int32,
     columns: wp.int32,
     own: wp.float32,
+    own_spacing: wp.int32,
 ):
     """Whether nearer pixels, each within its reach, stand round a pixel on all sides."""
     margin = HIDING_MARGIN + HIDING_SHARE * own
     sectors = int(0)
     first = int(0)
-    level_rows = int(rows)
-    level_columns = int(columns)
     for level in range(LEVELS):
-        for dr in range(-1, 2):
-            r = (row >> level) + dr
-            if r >= 0 and r < level_rows:
-                for dc in range(-1, 2):
-                    c = column_in_image((column >> level) + dc, level_columns, grid.wraps)
-                    if c >= 0:
-                        cell = cells[v, first + r * level_columns + c]
-                        nearer = depth_of_cell(cell)
-                        if own - nearer > margin:
-                            down = (r << level) + row_of_cell(cell) - row
-                            right = (c << level) + column_of_cell(cell) - column
-                            right = offset_round(right, columns, grid.wraps)
-                            way = wp.sqrt(wp.float32(down * down + right * right))
-                            reach = hiding_reach(spacing_of_cell(cell))
-                            slope = HIDING_SLOPE * way * pitch(grid, nearer)
-                            if way <= reach and own - nearer > margin + slope:
+        first += cells_of_level(rows, columns, level)
+    for k in range(LEVELS):
+        level = LEVELS - 1 - k
+        first -= cells_of_level(rows, columns, level)
+        level_rows = ((rows - 1) >> level) + 1
+        level_columns = ((columns - 1) >> level) + 1
+        is_any_nearer = bool(False)
+        for r in range(wp.max((row >> level) - 1, 0), wp.min((row >> level) + 2, level_rows)):
+            for dc in range(-1, 2):
+                c = column_in_image((column >> level) + dc, level_columns, grid.wraps)
+                if c >= 0:
+                    cell = cells[v, first + r * level_columns + c]
+                    nearer = depth_of_cell(cell)
+                    if own - nearer > margin:
+                        is_any_nearer = True
+                        down = (r << level) + row_of_cell(cell) - row
+                        right = (c << level) + column_of_cell(cell) - column
+                        right = offset_round(right, columns, grid.wraps)
+                        square = down * down + right * right
+                        if is_in_reach(square, spacing_of_cell(cell), own_spacing):
+                            slope = HIDING_SLOPE * wp.sqrt(wp.float32(square)) * pitch(grid, nearer)
+                            if own - nearer > margin + slope:
                                 sectors = sectors | sector_bit(sector_bits, 2 * right, 2 * down)
-        if surrounds(sectors, MOST_EMPTY):
-            return True
-        first += level_rows * level_columns
-        level_rows = (level_rows + 1) >> 1
-        level_columns = (level_columns + 1) >> 1
-    return False
+        if not is_any_nearer:
+            break
+    return surrounds(sectors, MOST_EMPTY)
 
 
 # Where a pixel's own depth is kept, its state alone says that it is erased.
@@ -145,12 +158,13 @@ def erase_pixel(
 
 
 # Other pixels are read through the pyramid only, so erasing in place sees the map as it was.
-# Launch over (rows, columns).
+# Launch over (rows, runs).
 @wp.kernel
 def erase_surrounded(
     # In:
     first_row: wp.int32,
     cells: wp.array2d[wp.uint64],
+    spacing: wp.array3d[wp.uint8],
     sector_bits: wp.array[wp.uint16],
     grids: wp.array[PixelGrid],
     keep_depth: wp.int32,
@@ -159,16 +173,20 @@ def erase_surrounded(
     index_out: wp.array3d[wp.int32],
     state_out: wp.array3d[wp.uint8],
 ):
-    i, column = wp.tid()
+    i, run = wp.tid()
     rows = depth_out.shape[1]
-    v = (first_row + i) // rows
-    row = (first_row + i) % rows
-    own = depth_out[v, row, column]
-    if not is_present(own, state_out[v, row, column]):
-        return
     columns = depth_out.shape[2]
-    if is_surrounded(cells, sector_bits, grids[v], v, row, column, rows, columns, own):
-        erase_pixel(depth_out, index_out, state_out, v, row, column, keep_depth)
+    v = (first_row + i) // rows
+    row = (first_row + i) - v * rows
+    grid = grids[v]
+    for column in range(run * RUN, wp.min((run + 1) * RUN, columns)):
+        own_spacing = wp.int32(spacing[v, row, column])
+        if own_spacing > 0:
+            own = depth_out[v, row, column]
+            if is_surrounded(
+                cells, sector_bits, grid, v, row, column, rows, columns, own, own_spacing
+            ):
+                erase_pixel(depth_out, index_out, state_out, v, row, column, keep_depth)
 
 
 # Depth of pixels that hold one, 0 elsewhere. Launch over (rows, columns).

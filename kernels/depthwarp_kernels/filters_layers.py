@@ -1,8 +1,7 @@
-"""Layers of a depth map: how far a surface's own pixels are apart, and its nearest ones by area.
+"""Layers of a depth map: the nearest pixel of every area, with its spacing and place.
 
-The own-layer spacing S of a pixel is the radius of the smallest square ring that holds `COMPANIONS`
-pixels of its layer. The pyramid of minima keeps, for areas of 1, 2, 4, 8 and 16 pixels a side, the
-nearest pixel with its spacing and place. Kernels take `first_row`: rows of all views counted on.
+The pyramid of minima keeps it for areas of 1, 2, 4, 8 and 16 pixels a side. Kernels take
+`first_row`: rows of all views counted on.
 """
 
 import warp as wp
@@ -10,22 +9,6 @@ import warp as wp
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)
-
-COMPANIONS = wp.constant(4)
-"""Pixels of the same layer that a ring has to hold."""
-
-LAYER_MARGIN = wp.constant(wp.float32(0.03))
-LAYER_SLOPE = wp.constant(wp.float32(1.5))
-"""Pixels d apart are of one layer if their depths differ by at most 0.03 m + 1.5 d pitch."""
-
-FARTHEST_RING = wp.constant(32)
-"""Largest ring that is searched [px]."""
-
-NO_RING = wp.constant(33)
-"""Spacing of a pixel without enough companions in the largest ring."""
-
-SPACING_BINS = 34
-"""Counts of a row: of each spacing from 0 to `NO_RING`."""
 
 LEVELS = 5
 """Levels of the pyramid: areas of 1 to 16 pixels a side."""
@@ -76,111 +59,6 @@ def column_in_image(column: wp.int32, columns: wp.int32, wraps: wp.int32):
     return wp.where(column >= 0 and column < columns, column, -1)
 
 
-@wp.func
-def companions_in_row(
-    depth: wp.array3d[wp.float32],
-    state: wp.array3d[wp.uint8],
-    v: wp.int32,
-    row: wp.int32,
-    first: wp.int32,
-    last: wp.int32,
-    step: wp.int32,
-    wraps: wp.int32,
-    own: wp.float32,
-    within: wp.float32,
-):
-    """Pixels of a row, in columns from first to last, whose depth is within metres of one's own."""
-    found = int(0)
-    columns = depth.shape[2]
-    if row >= 0 and row < depth.shape[1]:
-        c = int(first)
-        while c <= last:
-            column = wp.where(wraps != 0, column_in_image(c, columns, wraps), c)
-            if column >= 0 and column < columns:
-                d = depth[v, row, column]
-                if wp.abs(d - own) <= within and is_present(d, state[v, row, column]):
-                    found += 1
-            c += step
-    return found
-
-
-# The smallest ring of whole radius, at most `FARTHEST_RING`, inside which `COMPANIONS` pixels are
-# of the pixel's own layer: within 0.03 m + 1.5 r pitch of its depth, r the companion's own ring.
-# Row counts belong to the thread that has the row, so on a CPU they need no atomics.
-# Launch over (rows, columns).
-@wp.kernel
-def find_spacing(
-    # In:
-    first_row: wp.int32,
-    depth: wp.array3d[wp.float32],
-    state: wp.array3d[wp.uint8],
-    grids: wp.array[PixelGrid],
-    # Out:
-    spacing_out: wp.array3d[wp.uint8],
-    counts_out: wp.array3d[wp.int32],
-):
-    i, column = wp.tid()
-    v = (first_row + i) // depth.shape[1]
-    row = (first_row + i) % depth.shape[1]
-    own = depth[v, row, column]
-    spacing = int(0)
-    if is_present(own, state[v, row, column]):
-        grid = grids[v]
-        slope = LAYER_SLOPE * pitch(grid, own)
-        found = int(0)
-        r = int(0)
-        while found < COMPANIONS and r < FARTHEST_RING:
-            r += 1
-            within = LAYER_MARGIN + slope * wp.float32(r)
-            left = column - r
-            right = column + r
-            for k in range(-r, r + 1):
-                # The whole of the uppermost and the lowest row, of the others both ends.
-                step = wp.where(wp.abs(k) == r, 1, 2 * r)
-                found += companions_in_row(
-                    depth, state, v, row + k, left, right, step, grid.wraps, own, within
-                )
-        spacing = wp.where(found < COMPANIONS, NO_RING, r)
-        wp.atomic_add(counts_out, v, row, spacing, 1)
-    spacing_out[v, row, column] = wp.uint8(spacing)
-
-
-# Launch over (views, `SPACING_BINS`).
-@wp.kernel
-def sum_counts(
-    # In:
-    row_counts: wp.array3d[wp.int32],
-    # Out:
-    counts_out: wp.array2d[wp.int32],
-):
-    v, spacing = wp.tid()
-    total = int(0)
-    for row in range(row_counts.shape[1]):
-        total += row_counts[v, row, spacing]
-    counts_out[v, spacing] = total
-
-
-# A pixel farther from its companions than 6 times the median, from 12 to 32 px, is isolated.
-# Launch over views.
-@wp.kernel
-def find_limit(
-    # In:
-    counts: wp.array2d[wp.int32],
-    # Out:
-    limit_out: wp.array[wp.int32],
-):
-    v = wp.tid()
-    total = int(0)
-    for spacing in range(1, counts.shape[1]):
-        total += counts[v, spacing]
-    below = int(0)
-    median = int(0)
-    while 2 * below < total:
-        median += 1
-        below += counts[v, median]
-    limit_out[v] = wp.clamp(6 * median, 12, FARTHEST_RING)
-
-
 # A cell is `depth bits << 32 | spacing << 16 | row in the area << 8 | column in the area`, so the
 # smallest cell is the nearest pixel.
 @wp.func
@@ -207,10 +85,16 @@ def column_of_cell(cell: wp.uint64):
     return wp.int32(wp.uint32(cell) & wp.uint32(255))
 
 
-# Isolated pixels are left out: they speak for no surface.
-# Launch over (rows, columns).
+@wp.func
+def cells_of_level(rows: wp.int32, columns: wp.int32, level: wp.int32):
+    """Areas of 1, 2, 4, ... pixels a side that an image has."""
+    return (((rows - 1) >> level) + 1) * (((columns - 1) >> level) + 1)
+
+
+# Isolated pixels are left out: they speak for no surface. A thread takes a block of 2 x 2 pixels,
+# and the area of the second level that they are. Launch over (rows, columns) of blocks.
 @wp.kernel
-def fill_first_level(
+def fill_first_levels(
     # In:
     first_row: wp.int32,
     depth: wp.array3d[wp.float32],
@@ -219,15 +103,25 @@ def fill_first_level(
     # Out:
     cells_out: wp.array2d[wp.uint64],
 ):
-    i, column = wp.tid()
-    v = (first_row + i) // depth.shape[1]
-    row = (first_row + i) % depth.shape[1]
-    s = wp.int32(spacing[v, row, column])
-    cell = wp.uint64(EMPTY_CELL)
-    if s > 0 and s <= limit[v]:
-        bits = wp.uint64(wp.cast(depth[v, row, column], wp.uint32))
-        cell = (bits << wp.uint64(32)) | wp.uint64(s << 16)
-    cells_out[v, row * depth.shape[2] + column] = cell
+    i, j = wp.tid()
+    rows = depth.shape[1]
+    columns = depth.shape[2]
+    own_rows = (rows + 1) // 2
+    v = (first_row + i) // own_rows
+    block_row = (first_row + i) - v * own_rows
+    nearest = wp.uint64(EMPTY_CELL)
+    for k in range(4):
+        row = 2 * block_row + k // 2
+        column = 2 * j + k % 2
+        if row < rows and column < columns:
+            s = wp.int32(spacing[v, row, column])
+            cell = wp.uint64(EMPTY_CELL)
+            if s > 0 and s <= limit[v]:
+                bits = wp.uint64(wp.cast(depth[v, row, column], wp.uint32))
+                cell = (bits << wp.uint64(32)) | wp.uint64(s << 16)
+                nearest = wp.min(nearest, cell | wp.uint64(((k // 2) << 8) | (k % 2)))
+            cells_out[v, row * columns + column] = cell
+    cells_out[v, rows * columns + block_row * ((columns + 1) // 2) + j] = nearest
 
 
 # Launch over (rows, columns) of the level; `below` is the first cell of the finer level, of

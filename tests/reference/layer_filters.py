@@ -33,10 +33,11 @@ def surround_erase(maps: Maps, grid: Grid, keep_depth: bool = False) -> Maps:
     """A pixel goes if nearer pixels, each within its reach, stand round it."""
     depth, _, state = maps
     rows, columns = depth.shape
-    levels = pyramid_of(depth, spacing_of(depth, state, grid))
+    spacings = spacing_of(depth, state, grid)
+    levels = pyramid_of(depth, spacings)
     hidden = np.zeros(depth.shape, bool)
     for row, column in np.argwhere(present(depth, state)):
-        own = depth[row, column]
+        own, own_spacing = depth[row, column], spacings[row, column]
         sectors: set[int] = set()
         for level, cells in enumerate(levels):
             for r in range((row >> level) - 1, (row >> level) + 2):
@@ -48,9 +49,10 @@ def surround_erase(maps: Maps, grid: Grid, keep_depth: bool = False) -> Maps:
                     y, x = q_row - row, grid.offset(q_column - column, columns)
                     way = np.sqrt(f32(x * x + y * y))
                     margin = f32(0.02) + f32(0.002) * own
-                    step = f32(1.5) * way * grid.pitch(near)
+                    step = f32(1.0) * way * grid.pitch(near)
                     reach = f32(1.5) if spacing == 1 else f32(2.5) * f32(spacing)
-                    if way <= reach and own - near > margin + step:
+                    near_enough = way <= reach and spacing <= 6 * own_spacing
+                    if near_enough and own - near > margin + step:
                         sectors.add(sector(x, y))
             hidden[row, column] |= surrounded(sectors, 6)
     return erased(maps, hidden, keep_depth)

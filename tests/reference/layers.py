@@ -59,7 +59,7 @@ def spacing_of(depth: np.ndarray, state: np.ndarray, grid: Grid) -> np.ndarray:
         found, r = 0, 0
         while found < COMPANIONS and r < FARTHEST_RING:
             r += 1
-            within = f32(0.03) + f32(1.5) * grid.pitch(own) * f32(r)
+            within = f32(0.03) + f32(1.0) * grid.pitch(own) * f32(r)
             for y in range(-r, r + 1):
                 for x in range(-r, r + 1):
                     c = grid.column(column + x, columns)
@@ -72,10 +72,10 @@ def spacing_of(depth: np.ndarray, state: np.ndarray, grid: Grid) -> np.ndarray:
 
 
 def limit_of(spacing: np.ndarray) -> int:
-    """Spacing above which a pixel is isolated: 6 times the median, from 12 to 32 px."""
+    """Spacing above which a pixel is isolated: 8 times the median, from 16 to 32 px."""
     drawn = np.sort(spacing[spacing > 0])
     median = int(drawn[(len(drawn) - 1) // 2]) if len(drawn) else 0
-    return min(max(6 * median, 12), FARTHEST_RING)
+    return min(max(8 * median, 16), FARTHEST_RING)
 
 
 def pyramid_of(depth: np.ndarray, spacing: np.ndarray) -> list[list[list[tuple | None]]]:

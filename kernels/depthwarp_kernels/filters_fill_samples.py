@@ -1,0 +1,135 @@
+"""Samples round a block of empty pixels, from the pyramid of minima."""
+
+import warp as wp
+
+from depthwarp_kernels.filters_hidden import offset_round
+from depthwarp_kernels.filters_layers import (
+    EMPTY_CELL,
+    LEVELS,
+    PixelGrid,
+    column_in_image,
+    column_of_cell,
+    depth_of_cell,
+    row_of_cell,
+    spacing_of_cell,
+)
+from depthwarp_kernels.options import EXACT
+
+wp.set_module_options(EXACT)
+
+MOST_SAMPLES = 52
+"""Samples round a block: 4 x 4 pixels, and 3 x 3 areas of each of the other levels."""
+
+ENOUGH = wp.constant(4)
+"""Samples from which coarser areas are not looked at."""
+
+FILL_REACH_4 = wp.constant(9)
+"""A sample speaks for pixels up to 1.5 times its spacing away: 9 is the square of twice that."""
+
+
+@wp.func
+def squared(right: wp.int32, down: wp.int32):
+    """Square of a distance."""
+    return right * right + down * down
+
+
+# What is the nearest of a coarse area is also the nearest of the finer area that it lies in.
+@wp.func
+def was_seen(
+    row: wp.int32,
+    column: wp.int32,
+    level: wp.int32,
+    top: wp.int32,
+    left: wp.int32,
+    finer_columns: wp.int32,
+    wraps: wp.int32,
+):
+    """Whether the finer areas round the block at (top, left) held a pixel."""
+    if level == 0:
+        return False
+    finer = level - 1
+    most = wp.where(finer == 0, 2, 1)
+    rows = (row >> finer) - (top >> finer)
+    columns = offset_round((column >> finer) - (left >> finer), finer_columns, wraps)
+    return rows >= -1 and rows <= most and columns >= -1 and columns <= most
+
+
+# From small areas to large ones, until there are enough. Offsets are in half pixels from the middle
+# of the block at (top, left).
+@wp.func
+def gather_samples(
+    cells: wp.array2d[wp.uint64],
+    grid: PixelGrid,
+    v: wp.int32,
+    top: wp.int32,
+    left: wp.int32,
+    rows: wp.int32,
+    columns: wp.int32,
+    depth_out: wp.array[wp.float32],
+    right_out: wp.array[wp.int32],
+    down_out: wp.array[wp.int32],
+):
+    """Number of samples whose reach covers a block's middle, written one after the other."""
+    count = int(0)
+    first = int(0)
+    level_rows = int(rows)
+    level_columns = int(columns)
+    finer_columns = int(0)
+    finer_wraps = int(0)
+    for level in range(LEVELS):
+        below = wp.where(level == 0, 2, 1)
+        wraps = wp.where(level_columns > below + 1, grid.wraps, 0)  # no area twice
+        side = left >> level
+        inside = side > 0 and side + below < level_columns
+        r = wp.max((top >> level) - 1, 0)
+        last = wp.min((top >> level) + below, level_rows - 1)
+        while r <= last:
+            dc = int(-1)
+            while dc <= below:
+                c = side + dc
+                if not inside:
+                    c = column_in_image(c, level_columns, wraps)
+                if c >= 0:
+                    cell = cells[v, first + r * level_columns + c]
+                    if cell != wp.uint64(EMPTY_CELL):
+                        row = (r << level) + row_of_cell(cell)
+                        column = (c << level) + column_of_cell(cell)
+                        x = 2 * offset_round(column - left, columns, grid.wraps) - 1
+                        y = 2 * (row - top) - 1
+                        spacing = spacing_of_cell(cell)
+                        if squared(x, y) <= FILL_REACH_4 * spacing * spacing:
+                            if not was_seen(
+                                row, column, level, top, left, finer_columns, finer_wraps
+                            ):
+                                depth_out[count] = depth_of_cell(cell)
+                                right_out[count] = x
+                                down_out[count] = y
+                                count += 1
+                dc += 1
+            r += 1
+        if count >= ENOUGH:
+            return count
+        finer_columns = level_columns
+        finer_wraps = wraps
+        first += level_rows * level_columns
+        level_rows = (level_rows + 1) >> 1
+        level_columns = (level_columns + 1) >> 1
+    return count
+
+
+@wp.func
+def closest_sample(
+    depth: wp.array[wp.float32],
+    right: wp.array[wp.int32],
+    down: wp.array[wp.int32],
+    count: wp.int32,
+):
+    """The sample nearest in the image, of several the one with the smallest depth."""
+    best = int(0)
+    least = squared(right[0], down[0])
+    for k in range(1, count):
+        way = squared(right[k], down[k])
+        if way < least or (way == least and depth[k] < depth[best]):
+            best = k
+            least = way
+    return best

@@ -1,0 +1,42 @@
+"""Own-layer spacing on images wider than a word of pixels, against the loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+
+import depthwarp as dw
+from depthwarp.filters.maps import DeviceMaps, device_grids
+from depthwarp.filters.pyramid import Pyramid
+from tests.filters.maps import make_map
+from tests.reference.layers import Grid, spacing_of
+
+SHAPE = (40, 107)
+
+
+def spacing(depth_map: dw.DepthMap, device: str) -> np.ndarray:
+    """What the kernels find."""
+    arrays = [
+        wp.array(getattr(depth_map, name)[None], dtype=kind, device=device)
+        for name, kind in (("depth", wp.float32), ("index", wp.int32), ("state", wp.uint8))
+    ]
+    pyramid = Pyramid(DeviceMaps(*arrays, grids=device_grids([depth_map.camera], device)))
+    pyramid.build()
+    return pyramid.spacing.numpy()[0]
+
+
+@pytest.mark.parametrize("azimuths", [360.0, 90.0])
+@pytest.mark.parametrize("share", [0.004, 0.03, 0.5])
+def test_rings_of_every_size_across_words_and_the_seam(device, azimuths, share):
+    """Two walls with gaps of a pixel to tens of pixels; the ends of a full turn are neighbours."""
+    rng = np.random.default_rng(8)
+    depth = np.where(rng.random(SHAPE) < 0.5, 2.0, 5.0)
+    depth[rng.random(SHAPE) >= share] = 0
+    pose = dw.Pose.from_orientation((0, 0, 0), (0, 0, 0))
+    camera = dw.EquirectangularCamera(*SHAPE[::-1], pose, azimuths=azimuths)
+    depth_map = make_map(depth, camera)
+    grid = Grid(*camera.pixel_pitch, wraps=camera.wraps)
+    expected = spacing_of(depth_map.depth, depth_map.state, grid)
+    assert expected.max() > 2
+    np.testing.assert_array_equal(spacing(depth_map, device), expected)
