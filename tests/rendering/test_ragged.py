@@ -135,11 +135,12 @@ def test_the_kernels_for_cuda():
     keys = wp.full((5, 150), splat.EMPTY_KEY, dtype=wp.uint64, device=cpu)
     counts = wp.zeros((5, ragged.RAGGED_COLUMNS), dtype=wp.int64, device=cpu)
     outputs = [wp.zeros((5, 150), dtype=dtype, device=cpu) for dtype in OUTPUTS.values()]
-    numbers = [upload(array, wp.int32, "cpu") for array in (offsets, cloud_of)]
+    spans = np.stack([offsets[:-1], offsets[1:]], axis=1).astype(np.int32)
+    clouds_on = [upload(spans, wp.vec2i, "cpu"), upload(cloud_of, wp.int32, "cpu")]
     wp.launch(
         ragged.ragged_kernel(splat.SplatConfig(PLAIN, views.model, "range", False)),
         dim=(5, ragged.LANES),
-        inputs=[*views.arrays, upload(points, wp.vec3f, "cpu"), len(points), *numbers],
+        inputs=[*views.arrays, upload(points, wp.vec3f, "cpu"), *clouds_on, 0],
         outputs=[keys, counts],
         device=cpu,
     )
