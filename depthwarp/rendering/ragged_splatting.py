@@ -13,8 +13,9 @@ from depthwarp.rendering.cuda_splatting import CudaSplatter, groups_of
 from depthwarp.rendering.points import Points
 from depthwarp.rendering.views import DeviceViews
 from depthwarp.threads import thread_pool
-from depthwarp_kernels import ragged, ragged_fused, splat
+from depthwarp_kernels import ragged, ragged_fused, ragged_shared, splat
 from depthwarp_kernels.point_source import PlainPoints
+from depthwarp_kernels.ragged import LANES
 
 __all__ = ["CpuViews", "CudaViews"]
 
@@ -97,6 +98,9 @@ class CpuViews:
 class CudaViews:
     """Draws so many threads a view into the keys of all views, and resolves them.
 
+    Small images are drawn in the shared memory of a block of threads each, without keys of all
+    views; only a static cloud needs them then, as what the images begin with.
+
     Args:
         views: The views, on the device.
         config: Lens, depth, the maps that are written, and the static cloud.
@@ -116,40 +120,59 @@ class CudaViews:
         self._views, self._maps, self._counts = views, maps, counts
         self._device = counts.device
         width, height = views.size
-        self._keys = arrays.empty((views.count, width * height), wp.uint64, self._device)
-        self._static = static
-        self._rank = 0 if static is None else static.total
-        self._splatter = CudaSplatter(
-            views,
-            config.splat.depth,
-            self._keys,
-            arrays.zeros((views.count, splat.COUNT_COLUMNS), wp.int64, self._device),
-            groups_of(self._device),
+        self._static, self._rank = static, 0 if static is None else static.total
+        self._shared = ragged_shared.shared_config(
+            config.splat, config.outputs, width * height, begins_with_keys=static is not None
         )
-        self._splat = ragged.ragged_kernel(config.splat)
-        self._resolve = ragged.resolve_kernel(config.outputs)
-        for kernel in (self._splat, self._resolve):
-            wp.load_module(kernel.module, device=self._device)
+        has_keys = self._shared is None or static is not None
+        shape = (views.count, width * height) if has_keys else (1, 1)
+        self._keys = arrays.empty(shape, wp.uint64, self._device)
+        if static is not None:
+            unread = arrays.zeros((views.count, splat.COUNT_COLUMNS), wp.int64, self._device)
+            groups = groups_of(self._device)
+            self._splatter = CudaSplatter(views, config.splat.depth, self._keys, unread, groups)
+        if self._shared is None:
+            self._kernels = [
+                ragged.ragged_kernel(config.splat),
+                ragged.resolve_kernel(config.outputs),
+            ]
+        else:
+            self._kernels = [ragged_shared.shared_kernel(self._shared)]
+        for kernel in self._kernels:
+            wp.load_module(kernel.module, device=self._device, block_dim=LANES)
 
     def draw(self, points: Any, spans: Any, cloud_of: Any, count: int) -> None:
         """Draw the first views; see `CpuViews.draw`. Neither waits nor allocates."""
-        if self._static is None:
-            self._keys.fill_(splat.EMPTY_KEY)
-        else:
+        if self._static is not None:
             self._splatter.draw(self._static)
+        elif self._shared is None:
+            self._keys.fill_(splat.EMPTY_KEY)
+        clouds = [*self._views.arrays, points, spans, cloud_of, self._rank]
+        if self._shared is None:
+            self._draw_flat(clouds, count)
+        else:
+            self._launch(self._kernels[0], count, [*clouds, self._keys], self._maps)
+
+    def _draw_flat(self, clouds: list[Any], count: int) -> None:
+        """Into the keys of all views, and from there into the maps."""
+        draw, resolve = self._kernels
         self._counts.zero_()
+        self._launch(draw, count, clouds, [self._keys])
         wp.launch(
-            self._splat,
-            dim=(count, ragged.LANES),
-            inputs=[*self._views.arrays, points, spans, cloud_of, self._rank],
-            outputs=[self._keys, self._counts],
-            device=self._device,
-            block_dim=ragged.LANES,
-        )
-        wp.launch(
-            self._resolve,
+            resolve,
             dim=(count, self._keys.shape[1]),
             inputs=[self._keys],
             outputs=[*self._maps, self._counts],
             device=self._device,
+        )
+
+    def _launch(self, kernel: Any, count: int, inputs: list[Any], outputs: Sequence[Any]) -> None:
+        """A launch over threads of views."""
+        wp.launch(
+            kernel,
+            dim=(count, LANES),
+            inputs=inputs,
+            outputs=[*outputs, self._counts],
+            device=self._device,
+            block_dim=LANES,
         )

@@ -17,6 +17,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -179,7 +180,7 @@ def _look_at_numpy(array: Any) -> _Handed:
     flags = array.flags
     return _Handed(
         pointer=array.__array_interface__["data"][0],
-        dtype=array.dtype.name if array.dtype.isnative else array.dtype.str,
+        dtype=_name_of(array.dtype),
         shape=array.shape,
         device="cpu",
         is_dense=flags.c_contiguous and flags.aligned,
@@ -187,6 +188,12 @@ def _look_at_numpy(array: Any) -> _Handed:
         owner=array,
         library="numpy",
     )
+
+
+@cache
+def _name_of(dtype: Any) -> str:
+    """The name of a NumPy type, which NumPy puts together anew each time that it is asked."""
+    return str(dtype.name if dtype.isnative else dtype.str)
 
 
 def _look_at_jax(name: str, array: Any, jax: Any) -> _Handed:

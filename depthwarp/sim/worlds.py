@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 from depthwarp import arrays
@@ -14,6 +13,9 @@ from depthwarp.sim.status import DeviceStatus
 from depthwarp_kernels import spans as kernels
 
 __all__ = ["WorldPoints"]
+
+MOST_POINTS = (1 << 31) - 1
+"""Points that 32-bit numbers can count."""
 
 LANES = 1024
 """Threads on CUDA that count what stands before their worlds."""
@@ -35,7 +37,6 @@ class WorldPoints:
     def __init__(self, worlds: int, most: int, device: Any, status: DeviceStatus) -> None:
         self._worlds, self._most, self._device = worlds, most, device
         self._status = status
-        self._stride = -1  # rows of a world, where all of them are in use
         self._lanes = min(worlds, LANES) if device.is_cuda else 1
         self.spans = arrays.zeros(worlds, wp.vec2i, device)
         self._none = arrays.zeros(1, wp.vec3f, device)
@@ -76,6 +77,8 @@ class WorldPoints:
         """Points of the shape (W, P, 3)."""
         rows = adopt("points", points, wp.vec3f, (self._worlds, None), self._device)
         stride = rows.shape[1]
+        if self._worlds * stride > MOST_POINTS:
+            raise InputError(f"{self._worlds * stride} points in all are more than {MOST_POINTS}")
         if stride > self._most:
             raise InputError(
                 f"points have {stride} rows a world, more than this sensor's "
@@ -84,7 +87,6 @@ class WorldPoints:
         if counts is None:
             self._take_all(stride)
         else:
-            self._stride = -1
             self._launch(kernels.spans_of_worlds, self._worlds, [self._counts(counts), stride])
         return rows.reshape(rows.shape[0] * stride)
 
@@ -92,13 +94,14 @@ class WorldPoints:
         return adopt("counts", counts, wp.int32, (self._worlds,), self._device)
 
     def _take_all(self, stride: int) -> None:
-        """All rows of all worlds, which stay the same from step to step."""
-        if stride != self._stride:
-            ends = np.arange(self._worlds + 1, dtype=np.int64) * stride
-            if ends[-1] > np.iinfo(np.int32).max:
-                raise InputError(f"{ends[-1]} points in all are more than 2^31 - 1")
-            self.spans.assign(np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int32))
-            self._stride = stride
+        """All rows of all worlds. A launch, so that a captured graph has it too."""
+        wp.launch(
+            kernels.spans_of_rows,
+            dim=self._worlds,
+            inputs=[stride],
+            outputs=[self.spans],
+            device=self._device,
+        )
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> None:
         wp.launch(

@@ -25,7 +25,7 @@ from depthwarp_kernels.splat import (
 from depthwarp_kernels.view import View, pixel_of
 
 LANES = 256
-"""Threads of a view: each takes every so manyth point of its cloud."""
+"""Threads of a view, whole warps: each takes every so manyth point of its cloud."""
 
 TOTAL = wp.constant(COUNT_COLUMNS)  # the column behind those of `splat`: points of the view's cloud
 RAGGED_COLUMNS = COUNT_COLUMNS + 1

@@ -11,7 +11,7 @@ import warp as wp
 
 from depthwarp_kernels.lens import place_still
 from depthwarp_kernels.options import EXACT
-from depthwarp_kernels.ragged import TOTAL, cell_function
+from depthwarp_kernels.ragged import LANES, TOTAL, cell_function
 from depthwarp_kernels.resolve import depth_alone, is_empty, state_alone
 from depthwarp_kernels.spans import span_of
 from depthwarp_kernels.splat import (
@@ -24,9 +24,6 @@ from depthwarp_kernels.splat import (
     reason_function,
 )
 from depthwarp_kernels.view import View, pixel_of
-
-LANES = 256
-"""Threads of a view: each takes every so manyth point and pixel. Whole warps."""
 
 STORAGE = 48 * 1024 - 4 * LANES
 """Bytes of shared memory for keys: every CUDA device gives a block 48 KiB unasked, and Warp itself

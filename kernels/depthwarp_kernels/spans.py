@@ -39,6 +39,18 @@ def spans_of_offsets(
     spans_out[cloud] = wp.vec2i(begin, wp.clamp(offsets[cloud + 1], begin, points))
 
 
+# Worlds of `stride` rows each, all of them in use. Launch over worlds.
+@wp.kernel
+def spans_of_rows(
+    # In:
+    stride: wp.int32,
+    # Out:
+    spans_out: wp.array[wp.vec2i],
+):
+    world = wp.tid()
+    spans_out[world] = wp.vec2i(world * stride, world * stride + stride)
+
+
 # Flags stay until somebody has read them, and so does the largest surplus.
 @wp.func
 def note_count(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -238,6 +240,20 @@ def test_a_replayed_graph_draws_what_a_call_does(static: bool) -> None:
         assert (replayed["depth"] > 0).any()
 
 
+def test_a_graph_keeps_its_shapes() -> None:
+    """Steps of other shapes between two replays change nothing of what a graph draws."""
+    sensor = sensor_of(pinhole())
+    points = wp.array(worlds_of(24), dtype=wp.vec3f, device="cpu")
+    poses = wp.array(poses_of(24), dtype=wp.mat44f, device="cpu")
+    expected = sensor.step(points, poses)["depth"].numpy().copy()
+    with wp.ScopedCapture(device="cpu") as capture:
+        captured = sensor.step(points, poses)
+    sensor.step(worlds_of(25, points=7), poses)
+    sensor.step(worlds_of(25), poses, np.full(WORLDS, 3, np.int32))
+    wp.capture_launch(capture.graph)
+    np.testing.assert_array_equal(captured["depth"].numpy(), expected)
+
+
 def test_results_go_where_they_are_wanted() -> None:
     """`out`: the caller's arrays are written and returned; others stay the sensor's."""
     sensor = sensor_of(pinhole())
@@ -300,3 +316,43 @@ def test_a_sensor_that_cannot_be(change: dict[str, Any], words: str) -> None:
     } | change
     with pytest.raises(InputError, match=words):
         dw.sim.DepthSensor(**arguments)
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_after_the_first_step_nothing_is_allocated(
+    monkeypatch: pytest.MonkeyPatch, static: bool
+) -> None:
+    """No memory of the device, and on the host nothing that stays."""
+    world = dw.PointCloud(worlds_of(22, 1, 3000)[0]) if static else None
+    noise = dw.sim.SensorNoise(disparity_noise=1e-3, flying_share=0.2, grazing_angle=70.0)
+    sensor = sensor_of(
+        pinhole(), static_map=world, filters=dw.filters.best(), noise=noise, outputs=ALL
+    )
+    points = wp.array(worlds_of(23), dtype=wp.vec3f, device="cpu")
+    poses, scene = poses_of(23), np.full(sensor.shape, 3.0, np.float32)
+    counts, out = np.full(WORLDS, 300, np.int32), {"depth": np.zeros(sensor.shape, np.float32)}
+
+    def step() -> None:
+        sensor.step(points, poses, counts, out, scene_depth=scene)
+
+    step()
+    allocator = type(wp.get_device("cpu").default_allocator)
+    monkeypatch.setattr(allocator, "allocate", _no_allocation)
+    with pytest.raises(AssertionError, match="allocated"):
+        wp.zeros(1, device="cpu")
+    step()
+    step()  # what Python keeps of a call, it keeps by now
+    tracemalloc.start()
+    try:
+        step()
+        before = tracemalloc.get_traced_memory()[0]
+        for _ in range(50):
+            step()
+        gc.collect()
+        assert tracemalloc.get_traced_memory()[0] - before < 2000
+    finally:
+        tracemalloc.stop()
+
+
+def _no_allocation(*_: object) -> None:
+    raise AssertionError("allocated")
