@@ -123,6 +123,11 @@ class DepthSensor:
             wp.load_module(module, device=self._device)
 
     @property
+    def device(self) -> Any:
+        """Warp device on which it draws."""
+        return self._device
+
+    @property
     def outputs(self) -> tuple[str, ...]:
         """Names of what `step` returns."""
         return self._outputs

@@ -50,6 +50,20 @@ def sensor_of(lens: Any, outputs: tuple[str, ...] = ALL, **options: Any) -> dw.s
     return dw.sim.DepthSensor(WORLDS, CAMERAS, None, lens, outputs=outputs, **options)
 
 
+def drawn_by(sensor: dw.sim.DepthSensor, points: Any, poses: Any, *rest: Any, **more: Any) -> Any:
+    """A step with arrays of the host, brought to the sensor's device."""
+    kinds: list[Any] = [wp.vec3f, wp.mat44f, wp.int32]
+    arrays = [
+        None if array is None else wp.array(array, dtype=kind, device=sensor.device)
+        for array, kind in zip((points, poses, *rest), kinds, strict=False)
+    ]
+    named = {
+        name: wp.array(array, dtype=wp.float32, device=sensor.device)
+        for name, array in more.items()
+    }
+    return sensor.step(*arrays, **named)
+
+
 def expected_of(lens: Any, points: Any, pose: Any, **options: Any) -> Any:
     """What a renderer of one view draws, at the same float32 pose."""
     renderer = dw.Renderer([lens], max_points=1 << 20, outputs=ALL, device="cpu", **options)
@@ -68,23 +82,23 @@ def assert_worlds(maps: Any, lens: Any, clouds: Any, poses: Any, **options: Any)
 
 @pytest.mark.parametrize("depth", ["range", "z"])
 @pytest.mark.parametrize("lens", [pinhole(), fisheye()])
-def test_every_view_is_that_of_its_world(lens: Any, depth: Any) -> None:
+def test_every_view_is_that_of_its_world(device: str, lens: Any, depth: Any) -> None:
     """New points and poses with every step; each map, bit for bit, that of its world alone."""
-    sensor = sensor_of(lens, depth=depth)
+    sensor = sensor_of(lens, device=device, depth=depth)
     for seed in (1, 2):
         points, poses = worlds_of(seed), poses_of(seed)
-        maps = sensor.step(points, poses)
+        maps = drawn_by(sensor, points, poses)
         assert maps["depth"].shape == sensor.shape
         assert_worlds(maps, lens, points, poses, depth=depth)
     assert sensor.status().is_clean
 
 
-def test_counts_say_how_many_points_a_world_has() -> None:
+def test_counts_say_how_many_points_a_world_has(device: str) -> None:
     """Rows behind a world's count are not drawn, whatever they hold."""
-    sensor, lens = sensor_of(pinhole()), pinhole()
+    sensor, lens = sensor_of(pinhole(), device=device), pinhole()
     points, poses = worlds_of(3), poses_of(3)
     counts = np.array([0, 1, 250], np.int32)
-    maps = sensor.step(points, poses, counts)
+    maps = drawn_by(sensor, points, poses, counts)
     clouds = [points[w, :count] for w, count in enumerate(counts)]
     for w, c in np.ndindex(poses.shape[:2]):
         expected = expected_of(lens, clouds[w], poses[w, c])
@@ -92,12 +106,12 @@ def test_counts_say_how_many_points_a_world_has() -> None:
     assert sensor.status().is_clean
 
 
-def test_worlds_one_behind_the_other() -> None:
+def test_worlds_one_behind_the_other(device: str) -> None:
     """Ragged points: the counts divide them."""
-    sensor, lens = sensor_of(pinhole()), pinhole()
+    sensor, lens = sensor_of(pinhole(), device=device), pinhole()
     rows, poses = worlds_of(4).reshape(-1, 3), poses_of(4)
     counts = np.array([300, 0, 400], np.int32)
-    maps = sensor.step(rows, poses, counts)
+    maps = drawn_by(sensor, rows, poses, counts)
     clouds = np.split(rows[:700], [300, 300])
     for w, c in np.ndindex(poses.shape[:2]):
         expected = expected_of(lens, clouds[w], poses[w, c])
@@ -105,7 +119,7 @@ def test_worlds_one_behind_the_other() -> None:
     assert sensor.status().is_clean
 
 
-def test_points_of_a_world_are_in_no_other() -> None:
+def test_points_of_a_world_are_in_no_other(device: str) -> None:
     """Each world is a sphere of its own radius: no pixel of it has another one's."""
     rng = np.random.default_rng(5)
     ways = rng.normal(size=(WORLDS, POINTS, 3))
@@ -113,18 +127,20 @@ def test_points_of_a_world_are_in_no_other() -> None:
     points = ways / np.linalg.norm(ways, axis=-1, keepdims=True) * radii[:, None, None]
     identity = dw.Pose.from_orientation((0, 0, 0), (0, 0, 0)).optical_from_world.astype(np.float32)
     poses = np.tile(identity, (WORLDS, CAMERAS, 1, 1))
-    depth = sensor_of(pinhole()).step(points.astype(np.float32), poses)["depth"].numpy()
+    depth = drawn_by(sensor_of(pinhole(), device=device), points.astype(np.float32), poses)[
+        "depth"
+    ].numpy()
     for world, radius in enumerate(radii):
         seen = depth[world][depth[world] > 0]
         assert seen.size and np.abs(seen - radius).max() < 1e-5
 
 
-def test_surplus_points_are_counted_and_not_drawn() -> None:
+def test_surplus_points_are_counted_and_not_drawn(device: str) -> None:
     """Counts beyond the room and below 0 are noted until somebody asks; other worlds are whole."""
-    sensor, lens = sensor_of(pinhole()), pinhole()
+    sensor, lens = sensor_of(pinhole(), device=device), pinhole()
     points, poses = worlds_of(6), poses_of(6)
-    maps = sensor.step(points, poses, np.array([POINTS + 7, -3, 10], np.int32))
-    sensor.step(points, poses, np.array([POINTS + 2, 1, 10], np.int32))
+    maps = drawn_by(sensor, points, poses, np.array([POINTS + 7, -3, 10], np.int32))
+    drawn_by(sensor, points, poses, np.array([POINTS + 2, 1, 10], np.int32))
     status = sensor.status()
     assert status.surplus.tolist() == [7, 0, 0]
     assert status.negative_count.tolist() == [False, True, False]
@@ -132,26 +148,26 @@ def test_surplus_points_are_counted_and_not_drawn() -> None:
         "up to 7 points too many in world 0; a negative count of points in world 1"
     )
     assert sensor.status().is_clean and str(sensor.status()) == "nothing went wrong"
-    maps = sensor.step(points, poses, np.array([POINTS + 7, -3, 10], np.int32))
+    maps = drawn_by(sensor, points, poses, np.array([POINTS + 7, -3, 10], np.int32))
     assert_worlds(maps, lens, [points[0], points[1, :0], points[2, :10]], poses)
 
 
-def test_ragged_points_beyond_the_room() -> None:
+def test_ragged_points_beyond_the_room(device: str) -> None:
     """A world too large, and counts beyond the points: what is drawn lies within both."""
-    sensor, lens = sensor_of(pinhole(), max_points_per_world=100), pinhole()
+    sensor, lens = sensor_of(pinhole(), device=device, max_points_per_world=100), pinhole()
     rows, poses = worlds_of(7)[0], poses_of(7)
-    maps = sensor.step(rows, poses, np.array([150, 200, 200], np.int32))
+    maps = drawn_by(sensor, rows, poses, np.array([150, 200, 200], np.int32))
     assert sensor.status().surplus.tolist() == [50, 100, 150]
     assert_worlds(maps, lens, [rows[:100], rows[150:250], rows[350:400]], poses)
 
 
 @pytest.mark.parametrize("static", [False, True])
-def test_a_pose_that_is_none_leaves_its_image_empty(static: bool) -> None:
+def test_a_pose_that_is_none_leaves_its_image_empty(device: str, static: bool) -> None:
     """NaN, infinite, scaled, mirrored: noted; all other images are as they are without it."""
     points, poses = worlds_of(8), poses_of(8)
-    world = dw.PointCloud(worlds_of(9).reshape(-1, 3)).prepare(device="cpu") if static else None
-    sensor = sensor_of(pinhole(), static_map=world)
-    before = {name: array.numpy().copy() for name, array in sensor.step(points, poses).items()}
+    world = dw.PointCloud(worlds_of(9).reshape(-1, 3)).prepare(device=device) if static else None
+    sensor = sensor_of(pinhole(), device=device, static_map=world)
+    before = {name: array.numpy().copy() for name, array in drawn_by(sensor, points, poses).items()}
     spoiled = {
         "nan": np.full((4, 4), np.nan),
         "infinite": np.where(np.arange(16).reshape(4, 4) == 3, np.inf, poses[1, 0]),
@@ -162,7 +178,7 @@ def test_a_pose_that_is_none_leaves_its_image_empty(static: bool) -> None:
     for matrix in spoiled.values():
         bad = poses.copy()
         bad[1, 0] = matrix
-        maps = sensor.step(points, bad)
+        maps = drawn_by(sensor, points, bad)
         assert not maps["depth"].numpy()[1, 0].any() and (maps["index"].numpy()[1, 0] == -1).all()
         for name, array in maps.items():
             others = array.numpy().reshape(WORLDS * CAMERAS, -1).copy()
@@ -170,43 +186,45 @@ def test_a_pose_that_is_none_leaves_its_image_empty(static: bool) -> None:
             others[CAMERAS] = expected[CAMERAS] = 0
             np.testing.assert_array_equal(others, expected)
         assert sensor.status().bad_pose.tolist() == [False, True, False]
-    sensor.step(points, poses)
+    drawn_by(sensor, points, poses)
     assert sensor.status().is_clean
 
 
 @pytest.mark.parametrize("prepared", [False, True])
-def test_a_static_map_is_under_all_worlds(prepared: bool) -> None:
+def test_a_static_map_is_under_all_worlds(device: str, prepared: bool) -> None:
     """The maps of both clouds together, the static points first."""
     world = dw.PointCloud(worlds_of(10, 1, 3000)[0])
-    sensor = sensor_of(pinhole(), static_map=world.prepare(device="cpu") if prepared else world)
+    sensor = sensor_of(
+        pinhole(), device=device, static_map=world.prepare(device=device) if prepared else world
+    )
     for seed in (11, 12):
         points, poses = worlds_of(seed), poses_of(seed)
         clouds = [np.concatenate([world.points_world, own]) for own in points]
-        assert_worlds(sensor.step(points, poses), pinhole(), clouds, poses)
-    alone = sensor.step(None, poses)
+        assert_worlds(drawn_by(sensor, points, poses), pinhole(), clouds, poses)
+    alone = drawn_by(sensor, None, poses)
     assert_worlds(alone, pinhole(), [world.points_world] * WORLDS, poses)
 
 
-def test_filters_see_all_points() -> None:
+def test_filters_see_all_points(device: str) -> None:
     """Hidden points of the static map behind a world's own are erased as `dw.render` does it."""
     filters = dw.filters.best()
     world = dw.PointCloud(worlds_of(13, 1, 900)[0])
-    sensor = sensor_of(pinhole(), static_map=world, filters=filters)
+    sensor = sensor_of(pinhole(), device=device, static_map=world, filters=filters)
     points, poses = worlds_of(14), poses_of(14)
     clouds = [np.concatenate([world.points_world, own]) for own in points]
-    assert_worlds(sensor.step(points, poses), pinhole(), clouds, poses, filters=filters)
+    assert_worlds(drawn_by(sensor, points, poses), pinhole(), clouds, poses, filters=filters)
 
 
-def test_the_nearer_of_two_renderers() -> None:
+def test_the_nearer_of_two_renderers(device: str) -> None:
     """Where another image is nearer or alone it stays, unless it is no depth or out of bounds."""
-    sensor = sensor_of(pinhole(), max_range=6.0, min_range=0.2)
+    sensor = sensor_of(pinhole(), device=device, max_range=6.0, min_range=0.2)
     points, poses = worlds_of(15), poses_of(15)
-    ours = {name: array.numpy().copy() for name, array in sensor.step(points, poses).items()}
+    ours = {name: array.numpy().copy() for name, array in drawn_by(sensor, points, poses).items()}
     rng = np.random.default_rng(16)
     theirs = rng.uniform(0.1, 7, sensor.shape).astype(np.float32)
     theirs[rng.random(sensor.shape) < 0.5] = 0
     theirs[0, 0, 0, :4] = np.nan, np.inf, -1, 1e30
-    maps = sensor.step(points, poses, scene_depth=theirs)
+    maps = drawn_by(sensor, points, poses, scene_depth=theirs)
     with np.errstate(invalid="ignore"):
         seen = (theirs >= np.float32(0.2)) & (theirs <= 6)
     taken = seen & ((ours["depth"] == 0) | (theirs < ours["depth"]))
