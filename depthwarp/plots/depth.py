@@ -89,7 +89,7 @@ def plot_depth_maps(
         for n, one in enumerate(np.split(shown, len(maps))):
             corner = (left + n * across) / page[0], below / page[1]
             axes = figure.add_axes((*corner, width / page[0], height / page[1]))
-            image = _draw_grey(axes, one, near, far)
+            _draw_grey(axes, one, near, far)
             tint = np.zeros((rows, columns, 4))
             tint[masks[n]] = to_rgba(VIEW_COLOR, TINT)
             axes.imshow(tint, interpolation="none")
@@ -97,8 +97,9 @@ def plot_depth_maps(
             axes.tick_params(labelsize=LARGE, labelleft=n == 0)
             axes.xaxis.label.set_size(LARGE)
         figure.axes[0].set_ylabel("row [px]", fontsize=LARGE)
-        bar = axes.inset_axes((1 + 25 / width, 0, 20 / width, 1))
-        figure.colorbar(image, cax=bar).set_label(DISTANCE, size=LARGE, labelpad=12)
+        last = figure.axes[-1]
+        bar = last.inset_axes((1 + 25 / width, 0, 20 / width, 1))
+        figure.colorbar(last.images[0], cax=bar).set_label(DISTANCE, size=LARGE, labelpad=12)
         bar.tick_params(labelsize=LARGE)
         bar.set_ylim(near, far)
 
