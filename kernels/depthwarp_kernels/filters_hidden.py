@@ -88,7 +88,8 @@ def offset_round(offset: wp.int32, columns: wp.int32, wraps: wp.int32):
 def is_in_reach(way_square: wp.int32, spacing: wp.int32, own_spacing: wp.int32):
     """Whether a pixel hides another so far away, by their spacings."""
     reach_4 = wp.where(spacing == 1, DENSE_REACH_4, HIDING_REACH_4 * spacing * spacing)
-    return 4 * way_square <= reach_4 and spacing <= MOST_TIMES_SPARSER * own_spacing
+    is_gap = spacing > 1 or own_spacing > 1  # between two surfaces without gaps nothing shines
+    return is_gap and 4 * way_square <= reach_4 and spacing <= MOST_TIMES_SPARSER * own_spacing
 
 
 # What is nearer by less than the margin in the areas of a level is so in those of finer levels too,

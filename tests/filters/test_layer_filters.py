@@ -113,6 +113,16 @@ def test_a_perfect_dense_map_goes_through_unchanged(device):
     assert (after.depth != before.depth).mean() < 0.0005
 
 
+def test_what_is_seen_through_a_window_stays(device):
+    """3 x 3 pixels of a wall behind one that was measured as densely: only the corners may go."""
+    depth = np.full((60, 80), 3.0)
+    depth[30:33, 40:43] = 6.0
+    chain = [dw.filters.remove_hidden("surround")]
+    erased = dw.filters.apply(make_map(depth), chain, device=device)
+    kept = erased.state[30:33, 40:43] == dw.State.MEASURED
+    assert kept[1].all() and kept[:, 1].all()
+
+
 @pytest.mark.parametrize("roll", [0.0, 15.0, 35.0])
 @pytest.mark.parametrize("share", [1.0, 0.3, 0.05])
 def test_a_perfect_slanted_floor_loses_nothing(device, share, roll):
