@@ -3,14 +3,14 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test lint test-peers bench lock clean
+.PHONY: demo test lint test-peers test-frameworks bench lock clean
 
 demo: .venv/ready ## Simulated scan -> cloud -> depth maps -> the paper's figures, in demo/
 	$(BIN)/depthwarp demo --out demo
 
 # A file's tests share what one of them has set up, so files go to the processes as wholes. More than
 # four processes would take the machine from the tests that use all its cores.
-test: .venv/ready ## All tests but those that need Open3D
+test: .venv/ready ## All tests but those that need Open3D, torch or JAX
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 lint: .venv/lint-ready ## Style, types
@@ -21,6 +21,9 @@ lint: .venv/lint-ready ## Style, types
 
 test-peers: .venv/peers-ready ## The tests that compare with Open3D (a 400 MB download)
 	$(BIN)/python -m pytest tests/rendering/test_open3d.py
+
+test-frameworks: .venv/frameworks-ready ## The tests with torch, JAX and gymnasium (a 1 GB download)
+	$(BIN)/python -m pytest tests/sim tests/examples
 
 bench: .venv/peers-ready ## Splat speed beside Open3D, NumPy and numba
 	$(BIN)/python -m benchmarks.splat
@@ -38,6 +41,10 @@ bench: .venv/peers-ready ## Splat speed beside Open3D, NumPy and numba
 
 .venv/peers-ready: .venv/ready
 	$(PIP) "open3d>=0.20" "numba>=0.60"
+	@touch $@
+
+.venv/frameworks-ready: .venv/ready
+	$(PIP) torch jax gymnasium
 	@touch $@
 
 lock: ## Pin the newest versions again (needs uv)

@@ -10,7 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from depthwarp import cameras, errors, filters, io
+    from depthwarp import cameras, errors, filters, io, sim
     from depthwarp.cameras import (
         Camera,
         CylindricalCamera,
@@ -56,6 +56,7 @@ __all__ = [
     "render",
     "render_batch",
     "render_stream",
+    "sim",
 ]
 
 __version__ = "0.1.0"
@@ -84,7 +85,7 @@ _MODULE_OF_NAME = {
     "render_batch": "depthwarp.rendering",
     "render_stream": "depthwarp.rendering",
 }
-_SUBMODULES = frozenset({"cameras", "errors", "filters", "io"})
+_SUBMODULES = frozenset({"cameras", "errors", "filters", "io", "sim"})
 
 
 def __getattr__(name: str) -> Any:

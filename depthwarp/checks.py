@@ -40,10 +40,10 @@ def check_positive(name: str, value: float, unit: str = "") -> float:
     return float(value)
 
 
-def check_count(name: str, value: int) -> int:
-    """Return a whole number from 0."""
-    if not is_number(value) or not _is_whole(value) or value < 0:
-        raise InputError(f"{name} must be a whole number from 0, got {value!r}")
+def check_count(name: str, value: int, least: int = 0) -> int:
+    """Return a whole number from `least`."""
+    if not is_number(value) or not _is_whole(value) or value < least:
+        raise InputError(f"{name} must be a whole number from {least}, got {value!r}")
     return int(value)
 
 

@@ -50,6 +50,7 @@ PUBLIC = [
     "render",
     "render_batch",
     "render_stream",
+    "sim",
 ]
 HEAVY = ["warp", "cv2", "matplotlib", "serial", "typer", "rich", "open3d"]
 

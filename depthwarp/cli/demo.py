@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,7 @@ from depthwarp.errors import InputError
 from depthwarp.plots import require_matplotlib
 
 if TYPE_CHECKING:
+    from depthwarp.cli.demo_scores import MapScore
     from depthwarp.cloud import PointCloud
     from depthwarp.depth_map import DepthMap
 
@@ -64,9 +66,11 @@ def demo(
             scan.cloud.save(out / "cloud.ply")
             first.depth_map.save(out / "depth.png")
             first.depth_map.save(out / "depth.npz")
+        with reporter.stage("scores", "comparing the paper's filters and the best with the room"):
+            scores = {"fig11": first.scores, "fig13": second.scores}
         data = [out / name for name in ("cloud.ply", "depth.png", "depth.png.json", "depth.npz")]
         figures = draw_figures(reporter, scan, first, second, out)
-        _report(reporter, scan.cloud, first.depth_map, [*data, *figures])
+        _report(reporter, scan.cloud, first.depth_map, scores, [*data, *figures])
 
     run_command(reporter, command)
 
@@ -83,17 +87,26 @@ def _make_folder(out: Path) -> None:
 def _render(
     cloud: PointCloud, orientation: tuple[float, float, float], depth_plane: float | None
 ) -> DemoView:
-    """One view with the paper's parameters and filters."""
+    """One view with the paper's parameters, with its filters and with the best ones."""
     import depthwarp as dw
 
     view = dw.RangeView(
         POSITION, orientation, FOV, q_line=0.01, q_depth_map=0.01, depth_plane=depth_plane
     )
-    depth_map = dw.render(cloud, view, depth="range", filters=dw.filters.paper())
-    return DemoView(view, view.line_count(cloud), depth_map)
+    depth_map, best = (
+        dw.render(cloud, view, depth="range", filters=filters)
+        for filters in (dw.filters.paper(), dw.filters.best())
+    )
+    return DemoView(view, view.line_count(cloud), depth_map, best)
 
 
-def _report(reporter: Reporter, cloud: PointCloud, depth_map: DepthMap, files: list[Path]) -> None:
+def _report(
+    reporter: Reporter,
+    cloud: PointCloud,
+    depth_map: DepthMap,
+    scores: dict[str, dict[str, MapScore]],
+    files: list[Path],
+) -> None:
     height, width = depth_map.depth.shape
     if reporter.as_json:
         reporter.result(
@@ -103,6 +116,10 @@ def _report(reporter: Reporter, cloud: PointCloud, depth_map: DepthMap, files: l
                 "width": width,
                 "height": height,
                 "counts": dict(depth_map.stats),
+                "filters": {
+                    figure: {name: asdict(score) for name, score in maps.items()}
+                    for figure, maps in scores.items()
+                },
                 "seconds": reporter.seconds,
             }
         )
@@ -110,5 +127,8 @@ def _report(reporter: Reporter, cloud: PointCloud, depth_map: DepthMap, files: l
     reporter.say(f"{len(cloud):,} points, depth map {width} x {height} px, {len(files)} files:")
     for file in files:
         reporter.say(f"  {file}")
+    for figure, maps in scores.items():
+        for name, score in maps.items():
+            reporter.say(f"{figure} with the filters {name}: {score}")
     shown = next(file for file in files if "fig11" in file.name)
     reporter.say(f"begin with {shown}")

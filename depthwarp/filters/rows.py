@@ -65,6 +65,10 @@ def row_launch(
         return only
 
     def launch() -> None:
+        if device.is_capturing:  # a graph takes what the thread launches that began it
+            for command in commands:
+                command.launch()
+            return
         for done in [thread_pool(threads).submit(command.launch) for command in commands]:
             done.result()
 

@@ -12,8 +12,9 @@ or not at all. Matplotlib is imported when a function is called. The arguments, 
   rectangle first; the last one is the depth plane;
 - `rotation`, (3, 3): the matrix R of equations (4) to (6); its rows are the camera's X, Y, Z axes;
 - `orientation`, (3,): the angles alpha, beta, gamma about X, Y and Z [degrees];
-- `depth`, (H, W): a depth map [m], 0 where it is empty; `path`: the PNG file to write; `title`:
-  what stands above the picture.
+- `depth`, (H, W): a depth map [m], 0 where it is empty; `depths`: several of one size, each with
+  a mask of pixels to tint in `marked`, (H, W) bool, and its text in `captions`;
+- `path`: the PNG file to write; `title`: what stands above the picture.
 
 Each function raises `InputError` for an array that it cannot draw and a file that it cannot write,
 and `MissingExtraError` where matplotlib is not installed.
@@ -26,13 +27,14 @@ from depthwarp.plots.clouds import (
     plot_rotated_cloud,
     plot_segmented_points,
 )
-from depthwarp.plots.depth import plot_depth_map, plot_surf
+from depthwarp.plots.depth import plot_depth_map, plot_depth_maps, plot_surf
 from depthwarp.plots.frame import plot_frame
 from depthwarp.plots.page import require_matplotlib
 from depthwarp.plots.scanner import plot_setup
 
 __all__ = [
     "plot_depth_map",
+    "plot_depth_maps",
     "plot_frame",
     "plot_point_cloud",
     "plot_range_view",

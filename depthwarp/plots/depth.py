@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from depthwarp.errors import InputError
 from depthwarp.plots.page import (
     DEPTH_MAP,
     DISTANCE,
+    VIEW_COLOR,
     Array,
     PngPath,
     axes_3d,
@@ -16,13 +20,16 @@ from depthwarp.plots.page import (
     open_page,
 )
 
-__all__ = ["MOST_STEP", "plot_depth_map", "plot_surf", "surface_cells"]
+__all__ = ["MOST_STEP", "plot_depth_map", "plot_depth_maps", "plot_surf", "surface_cells"]
 
 MOST_CELLS = 240
 """Cells along the longer side of a surface."""
 
 MOST_STEP = 0.5
 """Depth [m] that one cell of a surface may span: things farther apart do not touch."""
+
+LARGE, TINT = 17, 0.4
+"""Size of the letters beside maps that share a page, and opacity of what is marked in them."""
 
 SURFACE_VIEW = (20.0, -70.0)
 """Elevation and azimuth [degrees] to look at a surface from."""
@@ -47,12 +54,77 @@ def plot_depth_map(depth: Array, path: PngPath, title: str = "Depth map") -> Non
     page = max(width, 300) + 230, height + 140
     with open_page(path, f"{title}, {columns} x {rows} px, black: empty", page) as figure:
         axes = figure.add_axes((80 / page[0], 70 / page[1], width / page[0], height / page[1]))
-        axes.set(xlabel="column [px]", ylabel="row [px]", facecolor="black")
-        dark = near - (far - near) / 3  # keeps the nearest apart from the black of empty
-        image = axes.imshow(shown, "gray", vmin=dark, vmax=far, interpolation="none")
+        axes.set(ylabel="row [px]")
+        image = _draw_grey(axes, shown, near, far)
         bar = axes.inset_axes((1 + 20 / width, 0, 16 / width, 1))
         figure.colorbar(image, cax=bar, label=DISTANCE)
         bar.set_ylim(near, far)
+
+
+def plot_depth_maps(
+    depths: Sequence[Array],
+    marked: Sequence[Array],
+    captions: Sequence[str],
+    path: PngPath,
+    title: str = "Depth maps",
+    mark: str = "marked",
+) -> None:
+    """Draw depth maps of one size side by side on one scale, each as `plot_depth_map` does.
+
+    The marked pixels are tinted, and `mark` says what they are. Letters are large, for a page that
+    is shown small.
+    """
+    maps, masks = _same_size(depths, marked, captions)
+    shown, near, far = _depth_or_nan(np.concatenate(maps))
+    rows, columns = maps[0].shape
+    zoom = max(1, 600 // max(rows, columns))
+    height, width = rows * zoom, columns * zoom
+    across, left, below = max(width, 600) + 30, 120, 95
+    page = left + across * len(maps) + 150, height + below + 235
+    text = f"{title}, {columns} x {rows} px, black: empty, pink: {mark}"
+    with open_page(path, text, page) as figure:
+        from matplotlib.colors import to_rgba
+
+        figure.texts[0].set(fontsize=LARGE + 3, y=1 - 45 / page[1])
+        for n, one in enumerate(np.split(shown, len(maps))):
+            corner = (left + n * across) / page[0], below / page[1]
+            axes = figure.add_axes((*corner, width / page[0], height / page[1]))
+            _draw_grey(axes, one, near, far)
+            tint = np.zeros((rows, columns, 4))
+            tint[masks[n]] = to_rgba(VIEW_COLOR, TINT)
+            axes.imshow(tint, interpolation="none")
+            axes.set_title(captions[n], fontsize=LARGE, pad=12)
+            axes.tick_params(labelsize=LARGE, labelleft=n == 0)
+            axes.xaxis.label.set_size(LARGE)
+        figure.axes[0].set_ylabel("row [px]", fontsize=LARGE)
+        last = figure.axes[-1]
+        bar = last.inset_axes((1 + 25 / width, 0, 20 / width, 1))
+        figure.colorbar(last.images[0], cax=bar).set_label(DISTANCE, size=LARGE, labelpad=12)
+        bar.tick_params(labelsize=LARGE)
+        bar.set_ylim(near, far)
+
+
+def _same_size(
+    depths: Sequence[Array], marked: Sequence[Array], captions: Sequence[str]
+) -> tuple[list[Array], list[Array]]:
+    """The maps and their masks, after the checks."""
+    counts = len(depths), len(marked), len(captions)
+    if counts[0] == 0 or len(set(counts)) > 1:
+        raise InputError(
+            "depths must have at least one map, marked and captions one entry for each, "
+            f"got {counts[0]}, {counts[1]} and {counts[2]}"
+        )
+    shape = check_shape(depths[0], "depths[0]", "H", "W").shape
+    maps = [check_shape(one, f"depths[{n}]", *shape) for n, one in enumerate(depths)]
+    masks = [check_shape(one, f"marked[{n}]", *shape) > 0 for n, one in enumerate(marked)]
+    return maps, masks
+
+
+def _draw_grey(axes: Any, shown: Array, near: float, far: float) -> Any:
+    """A map in grey on black; its axes' row label is the caller's."""
+    axes.set(xlabel="column [px]", facecolor="black")
+    dark = near - (far - near) / 3  # keeps the nearest apart from the black of empty
+    return axes.imshow(shown, "gray", vmin=dark, vmax=far, interpolation="none")
 
 
 def plot_surf(depth: Array, path: PngPath, title: str = "Depth map as a surface") -> None:

@@ -74,6 +74,7 @@ def axes_3d(figure: Any, extent: Array, view: Any, labels: Any = METRES, deep: f
         axis.set_pane_color("#f6f7f8")
         ticks = max(2, round(8 * side / sides.max()))
         axis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
+    axes.xaxis.labelpad = axes.yaxis.labelpad = 9  # off the numbers of a slanted axis
     axes.view_init(elev=view[0], azim=view[1])
     _fill_page(axes, np.stack(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, 8), sides)
     return axes

@@ -42,6 +42,11 @@ class LookingPlan:
         self._cameras = [view.camera for view in views]
         self._config, self._device = config, device
 
+    @property
+    def device_views(self) -> DeviceViews:
+        """The views as kernels read them."""
+        return self._views
+
     def look_from(self, views: Sequence[ViewPlan]) -> None:
         """Look from elsewhere: as many views, of the same camera model and size.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -15,11 +14,13 @@ from depthwarp.devices import check_memory, usable_cores
 from depthwarp.errors import InputError
 from depthwarp.filters import DeviceMaps
 from depthwarp.filters.maps import device_grids
+from depthwarp.prepared import PreparedCloud
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.looking import NO_INDEX, LookingPlan, stats_of
+from depthwarp.rendering.points import points_of
+from depthwarp.rendering.ragged_splatting import CpuViews, CudaViews
 from depthwarp.rendering.views import ViewPlan
-from depthwarp.threads import thread_pool
-from depthwarp_kernels import ragged, ragged_fused, splat
+from depthwarp_kernels import ragged, spans, splat
 from depthwarp_kernels.point_source import PLAIN
 
 __all__ = ["OUTPUTS", "RaggedPlan"]
@@ -28,12 +29,6 @@ OUTPUTS: dict[str, Any] = {"depth": wp.float32, "index": wp.int32, "state": wp.u
 """What can be asked for, and its type on the device."""
 
 OUTPUT_BYTES = {"depth": 4, "index": 4, "state": 1}
-
-PARTS_A_THREAD = 8
-"""Groups of views that a thread takes one after the other, so that none waits long for the last."""
-
-LEAST_WORK = 100_000
-"""Points and pixels from which a second thread pays: some tenths of a millisecond."""
 
 
 class RaggedPlan(LookingPlan):
@@ -52,6 +47,8 @@ class RaggedPlan(LookingPlan):
             are filters, which work on all of them.
         device: Warp device.
         threads: Threads on a CPU; None for all cores that this process may use.
+        static: A prepared cloud that all views see besides their own; its indices come first. Of
+            its points nothing is counted.
 
     Attributes:
         maps: The maps of the last `render`, shape (V, H, W); None for one that was not asked for.
@@ -69,8 +66,10 @@ class RaggedPlan(LookingPlan):
         outputs: Sequence[str],
         device: Any,
         threads: int | None = None,
+        *,
+        static: PreparedCloud | None = None,
     ) -> None:
-        super().__init__(views, config, device, culls=False)
+        super().__init__(views, config, device, culls=static is not None)
         self._threads = 1 if device.is_cuda else threads or usable_cores()
         written = frozenset(OUTPUTS if config.filters else outputs)
         width, height = self._views.size
@@ -83,7 +82,7 @@ class RaggedPlan(LookingPlan):
         }
         grids = device_grids(self._cameras, device) if config.filters else None
         self.maps = DeviceMaps(**own, grids=grids, threads=threads)
-        self._flat = [
+        flat = [
             arrays.zeros((1, 1), OUTPUTS[name], device)  # kernels take no empty array
             if array is None
             else array.reshape((len(views), self._pixels))
@@ -91,18 +90,19 @@ class RaggedPlan(LookingPlan):
         ]
         self._filters = [step.build(self.maps) for step in config.filters]
         self._counts = arrays.zeros((len(views), ragged.RAGGED_COLUMNS), wp.int64, device)
-        self._keys = self._key_buffers()
         self._no_points = arrays.zeros(1, wp.vec3f, device)
+        self._spans: Any = None
         source = splat.SplatConfig(
             PLAIN, self._views.model, config.depth, self._views.has_range_views
         )
-        if device.is_cuda:
-            self._kernels = [ragged.ragged_kernel(source), ragged.resolve_kernel(written)]
-        else:
-            fused = ragged.RaggedConfig(source, written)
-            self._kernels = [ragged_fused.fused_kernel(fused)]
-        for kernel in self._kernels:
-            wp.load_module(kernel.module, device=device)
+        under = None if static is None else points_of(static)
+        ragged_config = ragged.RaggedConfig(
+            source, written, None if under is None else under.source
+        )
+        drawn = (self._views, ragged_config, flat, self._counts, under)
+        self._splatter: CpuViews | CudaViews = (
+            CudaViews(*drawn) if device.is_cuda else CpuViews(*drawn, self._threads)
+        )
 
     def render(self, points: Any, offsets: Any, cloud_of: Any, count: int | None = None) -> None:
         """Draw into each view the cloud that it looks at.
@@ -118,13 +118,23 @@ class RaggedPlan(LookingPlan):
             cloud_of: The cloud that each view looks at, `wp.int32`, shape (V,).
             count: Draw only so many views, the first ones; the others' maps are left as they are.
         """
+        clouds = offsets.shape[0] - 1
+        if self._spans is None or self._spans.shape[0] != clouds:
+            self._spans = arrays.empty(clouds, wp.vec2i, self._device)
+        wp.launch(
+            spans.spans_of_offsets,
+            dim=clouds,
+            inputs=[offsets, points.shape[0]],
+            outputs=[self._spans],
+            device=self._device,
+        )
+        self.draw(points, self._spans, cloud_of, count)
+
+    def draw(self, points: Any, clouds: Any, cloud_of: Any, count: int | None = None) -> None:
+        """As `render`, of clouds whose begin and end are known, `wp.vec2i`, shape (C,)."""
+        own = points if points.shape[0] else self._no_points
         views = self._views.count if count is None else count
-        number = points.shape[0]
-        clouds = [points if number else self._no_points, number, offsets, cloud_of]
-        if self._device.is_cuda:
-            self._draw_flat(clouds, views)
-        else:
-            self._draw_shared(clouds, views)
+        self._splatter.draw(own, clouds, cloud_of, views)
         for step in self._filters:
             step()
 
@@ -161,58 +171,3 @@ class RaggedPlan(LookingPlan):
             self._device,
             "render fewer views at a time, or smaller ones",
         )
-
-    def _key_buffers(self) -> Any:
-        """On CUDA the keys of all views; on a CPU a queue of buffers, one for each thread."""
-        if self._device.is_cuda:
-            return arrays.empty((self._views.count, self._pixels), wp.uint64, self._device)
-        cells = (-(-self._pixels // ragged_fused.CELLS) + 1) * ragged_fused.CELLS
-        buffers: SimpleQueue[Any] = SimpleQueue()
-        for _ in range(self._threads):
-            buffers.put(arrays.empty(cells, wp.uint64, self._device))
-        return buffers
-
-    def _draw_flat(self, clouds: list[Any], views: int) -> None:
-        """On CUDA: so many threads a view, keys of all views in memory."""
-        draw, resolve = self._kernels
-        self._keys.fill_(splat.EMPTY_KEY)
-        self._counts.zero_()
-        wp.launch(
-            draw,
-            dim=(views, ragged.LANES),
-            inputs=[*self._views.arrays, *clouds],
-            outputs=[self._keys, self._counts],
-            device=self._device,
-            block_dim=ragged.LANES,
-        )
-        wp.launch(
-            resolve,
-            dim=(views, self._pixels),
-            inputs=[self._keys],
-            outputs=[*self._flat, self._counts],
-            device=self._device,
-        )
-
-    def _draw_shared(self, clouds: list[Any], views: int) -> None:
-        """On a CPU: groups of views, which the threads take one after the other."""
-
-        def draw(first: int, end: int) -> None:
-            keys = self._keys.get()
-            try:
-                wp.launch(
-                    self._kernels[0],
-                    dim=end - first,
-                    inputs=[*self._views.arrays, *clouds, first],
-                    outputs=[keys, *self._flat, self._counts],
-                    device=self._device,
-                )
-            finally:
-                self._keys.put(keys)
-
-        work = clouds[1] + views * self._pixels
-        if self._threads == 1 or views == 1 or work < LEAST_WORK:
-            draw(0, views)
-            return
-        parts = min(views, self._threads * PARTS_A_THREAD)
-        bounds = [views * part // parts for part in range(parts + 1)]
-        list(thread_pool(self._threads).map(draw, bounds[:-1], bounds[1:]))

@@ -10,7 +10,9 @@ from functools import cache
 import warp as wp
 
 from depthwarp_kernels.options import EXACT
+from depthwarp_kernels.point_source import PointSource
 from depthwarp_kernels.resolve import depth_of_key, index_of_key, state_of_key
+from depthwarp_kernels.spans import span_of
 from depthwarp_kernels.splat import (
     COUNT_COLUMNS,
     DRAWN,
@@ -23,7 +25,7 @@ from depthwarp_kernels.splat import (
 from depthwarp_kernels.view import View, pixel_of
 
 LANES = 256
-"""Threads of a view: each takes every so manyth point of its cloud."""
+"""Threads of a view, whole warps: each takes every so manyth point of its cloud."""
 
 TOTAL = wp.constant(COUNT_COLUMNS)  # the column behind those of `splat`: points of the view's cloud
 RAGGED_COLUMNS = COUNT_COLUMNS + 1
@@ -31,26 +33,25 @@ RAGGED_COLUMNS = COUNT_COLUMNS + 1
 
 @dataclass(frozen=True)
 class RaggedConfig:
-    """What is decided at compile time: lens, depth, and which of the maps are written."""
+    """What is decided at compile time.
+
+    Attributes:
+        splat: Lens and depth.
+        outputs: Which of the maps are written.
+        static: Kind of the cloud that all views see before their own; None without one.
+    """
 
     splat: SplatConfig
     outputs: frozenset[str]
-
-
-# Nobody has looked at these numbers before: whatever they are, nothing beyond the points is read.
-@wp.func
-def span_of(offsets: wp.array[wp.int32], cloud: wp.int32, points: wp.int32):
-    """Where a cloud begins and ends among the points; nowhere if there is no such cloud."""
-    exists = cloud >= 0 and cloud < offsets.shape[0] - 1
-    row = wp.where(exists, cloud, 0)
-    begin = wp.clamp(offsets[row], 0, points)
-    end = wp.clamp(offsets[wp.where(exists, row + 1, row)], begin, points)
-    return wp.vec2i(begin, end)
+    static: PointSource | None = None
 
 
 @cache
 def ragged_kernel(config: SplatConfig):
-    """Kernel that draws the cloud of each view into its keys; launch over (views, `LANES`)."""
+    """Kernel that draws the cloud of each view into its keys; launch over (views, `LANES`).
+
+    The first point of a cloud has the index `rank`.
+    """
     depth_of = config.depth_of
     Lens = config.lens.struct
     place, project = config.lens.place, config.lens.project
@@ -63,9 +64,9 @@ def ragged_kernel(config: SplatConfig):
         lenses: wp.array[Lens],
         tables: wp.array[wp.float32],
         points_world: wp.array[wp.vec3f],
-        points: wp.int32,
-        offsets: wp.array[wp.int32],
+        spans: wp.array[wp.vec2i],
         cloud_of: wp.array[wp.int32],
+        rank: wp.int32,
         # Out:
         keys_out: wp.array2d[wp.uint64],
         counts_out: wp.array2d[wp.int64],
@@ -73,7 +74,7 @@ def ragged_kernel(config: SplatConfig):
         v, lane = wp.tid()
         view = views[v]
         lens = lenses[v]
-        span = span_of(offsets, cloud_of[v], points)
+        span = span_of(spans, cloud_of[v])
         begin = span[0]
         end = span[1]
         if lane == 0:
@@ -84,7 +85,7 @@ def ragged_kernel(config: SplatConfig):
             depth = depth_of(lens, p)
             reason = reason_of(view, p, pixel, depth)
             if reason == DRAWN:
-                key = pack_key(depth, i)
+                key = pack_key(depth, rank + i)
                 cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
                 # A key only ever falls, so a stale read can cost an atomic but never a point.
                 if key < keys_out[v, cell]:

@@ -4,12 +4,16 @@ One thread draws one view after the other into the same small key buffer. Same b
 `splat`. The loops of fixed length have no branches, so that a CPU works on several points at once.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import warp as wp
 
 from depthwarp_kernels.options import EXACT
-from depthwarp_kernels.ragged import TOTAL, RaggedConfig, cell_function, span_of
+from depthwarp_kernels.point_source import ALL_DRAWN, GROUP, PLAIN, SEEN, PlainPoints
+from depthwarp_kernels.point_source import BLOCK as STATIC_BLOCK
+from depthwarp_kernels.ragged import TOTAL, RaggedConfig, cell_function
+from depthwarp_kernels.spans import span_of
 from depthwarp_kernels.splat import (
     BEHIND,
     DRAWN,
@@ -20,6 +24,7 @@ from depthwarp_kernels.splat import (
     TOO_NEAR,
     SplatConfig,
     reason_function,
+    verdict_function,
 )
 from depthwarp_kernels.view import View, pixel_of
 
@@ -54,6 +59,24 @@ def keep_nearest(
     """Put the key of each point of a block into its cell if it is the smaller one."""
 
 
+@wp.func_native(f"""
+    for (int k = 0; k < {BLOCK}; ++k) {{
+        const uint32_t depth = reinterpret_cast<const uint32_t*>(depths.data)[k];
+        const uint64_t key = uint64_t(depth) << 32 | uint32_t(rows.data[k]);
+        uint64_t& nearest = keys_out.data[cells.data[k]];
+        const uint64_t before = nearest;
+        nearest = key < before ? key : before;
+    }}
+""")
+def keep_nearest_rows(
+    cells: wp.array[wp.int32],
+    depths: wp.array[wp.float32],
+    rows: wp.array[wp.int32],
+    keys_out: wp.array[wp.uint64],
+):
+    """The same of points with the indices `rows`."""
+
+
 @wp.func
 def clear_image(pixels: wp.int32, keys_out: wp.array[wp.uint64]):
     """Empty the keys of an image."""
@@ -62,15 +85,21 @@ def clear_image(pixels: wp.int32, keys_out: wp.array[wp.uint64]):
             keys_out[block * wp.static(CELLS) + k] = wp.uint64(EMPTY_KEY)
 
 
+# Loading, projecting and counting stand in one function: of arrays that are handed to another one
+# the compiler does not know that they are apart, and then works on one point at a time.
 @cache
 def draw_function(config: SplatConfig):
     """The function that draws the points from `begin` to `end` into the keys of one image.
 
-    It returns how many were not drawn, and why. The first of them has the index `rank`.
+    It returns how many were not drawn, and why. Points of a plain cloud, an array, have indices
+    from `rank` on; those of a prepared one, its struct, their own.
     """
+    is_plain = config.source is PLAIN
+    Points = wp.array[wp.vec3f] if is_plain else config.source.struct
     depth_of = config.depth_of
     Lens = config.lens.struct
     place, project = config.lens.place, config.lens.project
+    point_at, index_at = config.source.point_at, config.source.index_at
     reason_of = reason_function(config)
 
     @wp.func
@@ -78,7 +107,7 @@ def draw_function(config: SplatConfig):
         view: View,
         lens: Lens,
         tables: wp.array[wp.float32],
-        points_world: wp.array[wp.vec3f],
+        points: Points,
         begin: wp.int32,
         end: wp.int32,
         rank: wp.int32,
@@ -89,6 +118,8 @@ def draw_function(config: SplatConfig):
         z = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
         cells = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.int32)
         depths = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
+        if not wp.static(is_plain):
+            rows = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.int32)
         nowhere = view.width * view.height
         not_finite = int(0)
         behind = int(0)
@@ -101,7 +132,12 @@ def draw_function(config: SplatConfig):
             # What fills up the last block is not finite, and no point.
             not_finite += held - wp.static(BLOCK)
             for k in range(wp.static(BLOCK)):
-                point = points_world[wp.min(first + k, end - 1)]
+                i = wp.min(first + k, end - 1)
+                if wp.static(is_plain):
+                    point = points[i]
+                else:
+                    point = point_at(points, i)
+                    rows[k] = index_at(points, i)
                 x[k] = wp.where(k < held, point[0], wp.nan)
                 y[k] = point[1]
                 z[k] = point[2]
@@ -118,21 +154,69 @@ def draw_function(config: SplatConfig):
                 cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
                 cells[k] = wp.where(why == DRAWN, cell, nowhere + (k & wp.static(CELLS - 1)))
                 depths[k] = depth
-            keep_nearest(cells, depths, rank + (first - begin), keys_out)
+            if wp.static(is_plain):
+                keep_nearest(cells, depths, rank + (first - begin), keys_out)
+            else:
+                keep_nearest_rows(cells, depths, rows, keys_out)
         return Dropped(not_finite, behind, outside, too_far, too_near)
 
     return draw_points
 
 
 @cache
+def static_function(config: SplatConfig):
+    """The function that draws a prepared cloud into the keys of one image.
+
+    Groups and blocks of points that the view cannot see are skipped, and not counted.
+    """
+    Lens, Source = config.lens.struct, config.source.struct
+    sphere_of, group_of = config.source.sphere_of, config.source.group_of
+    draw_points = draw_function(config)
+    verdict_of = verdict_function(config)
+
+    @wp.func
+    def may_see(view: View, sphere: wp.vec4f):
+        verdict = verdict_of(view, sphere)
+        return verdict == SEEN or verdict == ALL_DRAWN
+
+    @wp.func
+    def draw_static(
+        view: View,
+        lens: Lens,
+        tables: wp.array[wp.float32],
+        source: Source,
+        keys_out: wp.array[wp.uint64],
+    ):
+        blocks = source.spheres.shape[0]
+        for group in range((blocks + wp.static(GROUP - 1)) / wp.static(GROUP)):
+            begin = group * wp.static(GROUP)
+            end = wp.min(begin + wp.static(GROUP), blocks)
+            if not may_see(view, group_of(source, group)):
+                end = begin
+            for block in range(begin, end):
+                if may_see(view, sphere_of(source, block)):
+                    first = block * wp.static(STATIC_BLOCK)
+                    last = first + wp.static(STATIC_BLOCK)
+                    draw_points(view, lens, tables, source, first, last, 0, keys_out)
+
+    return draw_static
+
+
+@cache
 def fused_kernel(config: RaggedConfig):
     """Kernel that draws views from `first` on, one after the other; launch over the views.
 
-    Arrays of maps that are not among the outputs are not written. None of the arrays may be empty.
+    A view sees the static cloud, if there is one, and its own, whose first point has the index
+    `rank`. Arrays of maps that are not among the outputs are not written. None of the arrays may be
+    empty.
     """
     Lens = config.splat.lens.struct
     draw_points = draw_function(config.splat)
     resolve_cell = cell_function(config.outputs)
+    has_static = config.static is not None
+    Fixed = config.static.struct if has_static else PlainPoints
+    if has_static:
+        draw_static = static_function(replace(config.splat, source=config.static))
 
     @wp.kernel(module="unique", module_options=EXACT, enable_backward=False)
     def draw_views(
@@ -141,9 +225,10 @@ def fused_kernel(config: RaggedConfig):
         lenses: wp.array[Lens],
         tables: wp.array[wp.float32],
         points_world: wp.array[wp.vec3f],
-        points: wp.int32,
-        offsets: wp.array[wp.int32],
+        spans: wp.array[wp.vec2i],
         cloud_of: wp.array[wp.int32],
+        fixed: Fixed,
+        rank: wp.int32,
         first: wp.int32,
         # Out:
         keys_out: wp.array[wp.uint64],
@@ -155,11 +240,14 @@ def fused_kernel(config: RaggedConfig):
         v = first + wp.tid()
         view = views[v]
         pixels = view.width * view.height
-        span = span_of(offsets, cloud_of[v], points)
+        span = span_of(spans, cloud_of[v])
         begin = span[0]
         end = span[1]
+        lens = lenses[v]
         clear_image(pixels, keys_out)
-        dropped = draw_points(view, lenses[v], tables, points_world, begin, end, 0, keys_out)
+        if wp.static(has_static):
+            draw_static(view, lens, tables, fixed, keys_out)
+        dropped = draw_points(view, lens, tables, points_world, begin, end, rank, keys_out)
         drawn = int(0)
         whole = pixels - pixels % wp.static(CELLS)
         for block in range(whole / wp.static(CELLS)):

@@ -13,12 +13,15 @@ import pytest
 
 import depthwarp as dw
 from depthwarp.cli import demo_scan
+from depthwarp.cli.demo_scores import MapScore, room_depth, score_map
 from tests.cli.conftest import invoke
 
 FIGURES = (
     *("fig01_scanner", "fig02_frame"),
     *("fig03_point_cloud", "fig04_rotated_cloud", "fig05_range_view_angles", "fig06_range_view"),
     *("fig08_segmented_points", "fig11_depth_map", "fig12_surf", "fig13_depth_map_2"),
+    *("fig11_depth_map_best", "fig13_depth_map_2_best"),
+    *("fig11_paper_and_best", "fig13_paper_and_best_2"),
     *("fig14_segmented_points_2", "fig15_surf_2"),
 )
 
@@ -41,7 +44,7 @@ def demo(tmp_path_factory) -> tuple[Path, dict]:
 
 
 def test_it_writes_every_file_and_names_it(demo):
-    """Cloud, depth map and one picture for each of the paper's figures, and nothing else."""
+    """Cloud, depth map, a picture for each of the paper's figures and the twins, nothing else."""
     folder, answer = demo
     expected = {"cloud.ply", "depth.png", "depth.png.json", "depth.npz"}
     expected |= {f"{name}.png" for name in FIGURES}
@@ -71,6 +74,41 @@ def test_the_figures_are_pictures(demo):
         picture = cv2.imread(str(folder / f"{name}.png"))
         assert min(picture.shape[:2]) >= 600, name
         assert len(np.unique(picture @ np.array([1, 256, 65536]))) > 50, name
+
+
+def test_the_best_filters_leave_fewer_wrong_depths(demo):
+    """Of those there are, in both views; the shares named "paper" are those of the saved map.
+
+    They cover more only where a scan is not as sparse as this one.
+    """
+    folder, answer = demo
+    assert list(answer["filters"]) == ["fig11", "fig13"]
+    for figure, scores in answer["filters"].items():
+        paper, best = scores["paper"], scores["best"]
+        wrong = {name: score["wrong"] / score["covered"] for name, score in scores.items()}
+        assert wrong["best"] < 0.9 * wrong["paper"], figure
+        assert best["measured"] > paper["measured"], figure
+        for score in scores.values():
+            assert score["measured"] + score["filled"] == pytest.approx(score["covered"])
+            assert score["right"] + score["wrong"] == pytest.approx(score["covered"])
+    saved = dw.DepthMap.load(folder / "depth.npz")
+    paper = answer["filters"]["fig11"]["paper"]
+    assert paper["covered"] == (saved.depth > 0).mean()
+    assert paper["measured"] == (saved.state == dw.State.MEASURED).mean()
+
+
+def test_the_exact_depth_is_the_rooms():
+    """Unprojected it lies on the floor, z = 0, and on nothing below; steps of 5 cm decide."""
+    camera = dw.PinholeCamera.from_fov((60.0, 50.0), (40, 30), (1.79, 3.3, 1.2), (0, 20, 50))
+    exact = room_depth(camera)
+    points = camera.unproject(exact).reshape(-1, 3)
+    height = points[:, 2]
+    assert height.min() > -1e-9 and (np.abs(height) < 1e-9).mean() > 0.3
+    cloud = dw.PointCloud(points.astype(np.float32))
+    depth_map = dw.render(cloud, camera, depth="range")
+    assert score_map(depth_map, exact) == MapScore(1.0, 1.0, 0.0, 1.0, 0.0)
+    assert score_map(depth_map, exact + 0.04).right == 1.0
+    assert score_map(depth_map, exact - 0.06).wrong == 1.0
 
 
 def test_two_runs_give_the_same_cloud_and_map(demo, tmp_path):

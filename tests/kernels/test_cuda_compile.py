@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 import warp as wp
 
-from depthwarp_kernels import splat_cuda
+from depthwarp_kernels import ragged_shared, splat_cuda
 from depthwarp_kernels.point_source import PREPARED
+from depthwarp_kernels.ragged_shared import MOST_PIXELS
 from depthwarp_kernels.splat import COUNT_COLUMNS, splat_kernel
 from tests.kernels.compile_families import ROUNDING, ptx_of
 from tests.kernels.scenes import CULLED, SCENES, splat_configs
@@ -76,6 +77,33 @@ def test_listing_chunks_costs_atomics_by_the_warp(scene, architecture, tmp_path)
     assert_plain_arithmetic(ptx)
     # The compiler may write the threads' loop twice.
     assert len(re.findall(r"\b(?:atom|red)\.", ptx)) in (3, 6)
+
+
+@pytest.mark.parametrize("architecture", [80, 90])
+@pytest.mark.parametrize(
+    ("scene", "outputs", "begins"),
+    [
+        ("pinhole", {"depth"}, False),
+        ("pinhole", {"depth", "index", "state"}, True),
+        ("moving", {"depth", "index", "state"}, False),
+    ],
+)
+def test_small_images_stay_in_shared_memory(scene, outputs, begins, architecture, tmp_path):
+    """The largest of them: one atomic a point and one a count, none of them on global memory."""
+    if architecture not in wp.get_cuda_supported_archs():
+        pytest.skip(f"this Warp's compiler does not write code for sm_{architecture}")
+    splat_config = splat_configs(scene)[0]
+    key = wp.uint64 if "index" in outputs else wp.uint32
+    config = ragged_shared.shared_config(splat_config, frozenset(outputs), MOST_PIXELS[key], begins)
+    ptx = ptx_of(ragged_shared.shared_kernel(config).module, architecture, tmp_path)
+    assert_plain_arithmetic(ptx)
+    width = 64 if key is wp.uint64 else 32
+    size = ragged_shared.points_of_thread(splat_config)
+    expected = ["add.u32"] * COUNT_COLUMNS + [f"min.u{width}"] * size
+    assert sorted(re.findall(r"\b(?:atom|red)\.shared\.(\S+)", ptx)) == expected
+    assert len(re.findall(r"\b(?:atom|red)\.", ptx)) == len(expected)
+    # All that a block gets without being asked, and no byte more.
+    assert sum(map(int, re.findall(r"^\s*\.shared .*\[(\d+)\]", ptx, re.MULTILINE))) == 48 * 1024
 
 
 def test_single_points_compile(architecture, tmp_path):

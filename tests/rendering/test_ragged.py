@@ -12,7 +12,7 @@ import depthwarp as dw
 from depthwarp.cameras import Camera
 from depthwarp.devices import resolve_device
 from depthwarp.errors import CapacityError, InputError
-from depthwarp.rendering import RenderConfig, ViewPlan
+from depthwarp.rendering import RenderConfig, ViewPlan, ragged_splatting
 from depthwarp.rendering.ragged import OUTPUTS, RaggedPlan
 from depthwarp.rendering.views import DeviceViews
 from depthwarp_kernels import ragged, splat
@@ -135,11 +135,12 @@ def test_the_kernels_for_cuda():
     keys = wp.full((5, 150), splat.EMPTY_KEY, dtype=wp.uint64, device=cpu)
     counts = wp.zeros((5, ragged.RAGGED_COLUMNS), dtype=wp.int64, device=cpu)
     outputs = [wp.zeros((5, 150), dtype=dtype, device=cpu) for dtype in OUTPUTS.values()]
-    numbers = [upload(array, wp.int32, "cpu") for array in (offsets, cloud_of)]
+    spans = np.stack([offsets[:-1], offsets[1:]], axis=1).astype(np.int32)
+    clouds_on = [upload(spans, wp.vec2i, "cpu"), upload(cloud_of, wp.int32, "cpu")]
     wp.launch(
         ragged.ragged_kernel(splat.SplatConfig(PLAIN, views.model, "range", False)),
         dim=(5, ragged.LANES),
-        inputs=[*views.arrays, upload(points, wp.vec3f, "cpu"), len(points), *numbers],
+        inputs=[*views.arrays, upload(points, wp.vec3f, "cpu"), *clouds_on, 0],
         outputs=[keys, counts],
         device=cpu,
     )
@@ -206,3 +207,33 @@ def test_more_maps_than_memory(monkeypatch):
     monkeypatch.setattr("depthwarp.devices.free_memory", lambda device: 1 << 30)
     with pytest.raises(CapacityError, match="9 depth maps of 4096 x 4096"):
         renderer.render(np.zeros((9, 3), np.float32), offsets=np.arange(10))
+
+
+@pytest.mark.parametrize("static", [False, True])
+@pytest.mark.parametrize(("size", "lanes"), [((15, 10), 1), ((120, 90), ragged.LANES)])
+def test_the_launches_for_cuda(monkeypatch, size, lanes, static):
+    """Small images in shared memory, large ones not: on the CPU they draw what its own do."""
+    clouds, cpu = clouds_of(7, [300, 0, 257]), resolve_device("cpu")
+    points, offsets = joined(clouds)
+    views = [ViewPlan(camera) for camera in turned(dw.PinholeCamera.from_fov((70, 60), size), 3)]
+    common = dw.PointCloud(clouds_of(8, [2000])[0]).prepare(device="cpu") if static else None
+    on_device = [
+        upload(points, wp.vec3f, "cpu"),
+        upload(offsets, wp.int32, "cpu"),
+        upload(np.arange(3), wp.int32, "cpu"),
+    ]
+
+    def drawn() -> list[dw.DepthMap]:
+        plan = RaggedPlan(views, RenderConfig(), ALL, cpu, static=common)
+        plan.render(*on_device)
+        return plan.depth_maps()
+
+    expected = drawn()
+    monkeypatch.setattr(ragged_splatting, "LANES", lanes)  # on a CPU a block has one thread
+    monkeypatch.setattr(ragged_splatting, "groups_of", lambda _: 4)
+    monkeypatch.setattr(
+        "depthwarp.rendering.ragged.CpuViews", lambda *of, **_: ragged_splatting.CudaViews(*of[:5])
+    )
+    for ours, theirs in zip(drawn(), expected, strict=True):
+        assert (theirs.depth > 0).any() or not (static or theirs.stats.total)
+        assert_same(ours, theirs)
