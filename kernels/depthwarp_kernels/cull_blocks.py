@@ -19,6 +19,31 @@ from depthwarp_kernels.splat import BEHIND, OUTSIDE, SplatConfig, verdict_functi
 from depthwarp_kernels.view import View, to_camera
 
 
+# In C for the reason that `nearest` gives: it is what a view asks most of the blocks it cannot see.
+# The operations are those of `to_camera`, in its order; `forward` is the rotation's first row.
+@wp.func_native(f"""
+    int ahead = 0;
+    for (int k = 0; k < {BLOCK}; ++k) {{
+        const float dx = x.data[begin + k] - position[0];
+        const float dy = y.data[begin + k] - position[1];
+        const float dz = z.data[begin + k] - position[2];
+        ahead += ((forward[0] * dx + forward[1] * dy) + forward[2] * dz) - shift > 0.0f;
+    }}
+    return ahead;
+""")
+def points_ahead(
+    x: wp.array[wp.float32],
+    y: wp.array[wp.float32],
+    z: wp.array[wp.float32],
+    begin: wp.int32,
+    forward: wp.vec3f,
+    position: wp.vec3f,
+    shift: wp.float32,
+) -> wp.int32:
+    """Points of a block with X > 0; what fills up the last block has no X."""
+    ...
+
+
 @cache
 def cull_kernel(config: SplatConfig):
     """Kernel, for one thread, that lists the blocks a view may see and counts the others' points.
@@ -33,22 +58,11 @@ def cull_kernel(config: SplatConfig):
     Word = wp.uint32 if is_packed else wp.float32
 
     @wp.func
-    def points_ahead(
-        view: View,
-        source: Source,
-        x: wp.array[Word],
-        y: wp.array[Word],
-        z: wp.array[Word],
-        begin: wp.int32,
-    ):
-        """Points of a block with X > 0; what fills up the last block has no X."""
+    def packed_ahead(view: View, source: Source, begin: wp.int32):
+        """The same of a packed block."""
         ahead = int(0)
         for k in range(wp.static(BLOCK)):
-            if wp.static(is_packed):
-                point = point_at(source, begin + k)
-            else:
-                point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
-            p = to_camera(point, view.rotation, view.position, view.shift)
+            p = to_camera(point_at(source, begin + k), view.rotation, view.position, view.shift)
             ahead += wp.where(p[0] > 0.0, 1, 0)
         return ahead
 
@@ -99,7 +113,18 @@ def cull_kernel(config: SplatConfig):
                 else:
                     ahead = wp.where(verdict == ALL_OUTSIDE, held, 0)
                     if verdict == NONE_IN_VIEW:
-                        ahead = points_ahead(view, source, x, y, z, block * wp.static(BLOCK))
+                        if wp.static(is_packed):
+                            ahead = packed_ahead(view, source, block * wp.static(BLOCK))
+                        else:
+                            ahead = points_ahead(
+                                x,
+                                y,
+                                z,
+                                block * wp.static(BLOCK),
+                                view.rotation[0],
+                                view.position,
+                                view.shift[0],
+                            )
                     behind += held - ahead
                     outside += ahead
         length_out[0] = length

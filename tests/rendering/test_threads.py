@@ -187,3 +187,18 @@ def test_memory_beside_the_cloud_is_two_z_buffers_a_thread_and_the_outputs(kind)
     bytes_a_pixel = int(done.stdout) / side**2
     assert bytes_a_pixel < 2 * threads * Z_BUFFER_BYTES + OUTPUT_BYTES
     assert bytes_a_pixel > threads * Z_BUFFER_BYTES  # it does measure
+
+
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("with_index", [True, False])
+def test_nothing_is_left_of_the_drawing_before(count, with_index):
+    """A plan draws a large cloud, a small one, none, a large one: as plans that draw one each."""
+    views = [ViewPlan(view) for view in cameras("pinhole", count)]
+    plan = RenderPlan(views, CONFIG, CPU, with_index=with_index, threads=2)
+    for size in (2 * SHARED, 700, 0, 2 * SHARED + 1):
+        source = source_of(with_ties(size), prepared=True)
+        alone = RenderPlan(views, CONFIG, CPU, with_index=with_index, threads=1)
+        for drawing in (plan, alone):
+            drawing.render(source)
+        np.testing.assert_array_equal(plan.maps.depth.numpy(), alone.maps.depth.numpy())
+        assert plan.stats() == alone.stats()
