@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from queue import SimpleQueue
 from typing import Any
 
@@ -22,8 +23,8 @@ __all__ = ["CpuViews", "CudaViews"]
 PARTS_A_THREAD = 8
 """Groups of views that a thread takes one after the other, so that none waits long for the last."""
 
-LEAST_WORK = 100_000
-"""Points and pixels of a group: handing it to a thread costs about a quarter of drawing it."""
+LEAST_WORK = 200_000
+"""Points and pixels of a group: to hand it to a thread costs about a fifth of drawing it."""
 
 
 class CpuViews:
@@ -53,13 +54,14 @@ class CpuViews:
         self._device, self._threads = counts.device, threads
         width, height = views.size
         self._pixels = width * height
+        splat_config = replace(config.splat, with_index="index" in config.outputs)
         cells = (-(-self._pixels // ragged_fused.CELLS) + 1) * ragged_fused.CELLS
         self._keys: SimpleQueue[Any] = SimpleQueue()
         for _ in range(threads):
-            self._keys.put(arrays.empty(cells, wp.uint64, self._device))
+            self._keys.put(arrays.empty(cells, splat_config.key_type, self._device))
         self._static = PlainPoints() if static is None else static.arrays
         self._rank = 0 if static is None else static.total
-        self._kernel = ragged_fused.fused_kernel(config)
+        self._kernel = ragged_fused.fused_kernel(replace(config, splat=splat_config))
         wp.load_module(self._kernel.module, device=self._device)
 
     def draw(self, points: Any, spans: Any, cloud_of: Any, count: int) -> None:
@@ -87,10 +89,12 @@ class CpuViews:
                 self._keys.put(keys)
 
         most = (points.shape[0] + count * self._pixels) // LEAST_WORK
-        parts = min(count, self._threads * PARTS_A_THREAD, most)
-        if self._threads == 1 or parts <= 1 or self._device.is_capturing:
+        threads = min(self._threads, count, most)
+        if threads <= 1 or self._device.is_capturing:
             draw(0, count)
             return
+        # As many parts for each thread, so that all end together.
+        parts = min(count, threads * min(most // threads, PARTS_A_THREAD))
         bounds = [count * part // parts for part in range(parts + 1)]
         list(thread_pool(self._threads).map(draw, bounds[:-1], bounds[1:]))
 

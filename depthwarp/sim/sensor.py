@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from depthwarp import arrays
 from depthwarp.cameras import Camera, DepthKind
 from depthwarp.checks import check_count
 from depthwarp.cloud import PointCloud
@@ -114,6 +115,20 @@ class DepthSensor:
             self._noise = noise.build(self._plan.maps, self._worlds, lenses, depth)
         worlds = np.repeat(np.arange(self._worlds, dtype=np.int32), self._cameras)
         self._world_of: Any = wp.array(worlds, dtype=wp.int32, device=self._device)
+        # Recorded once: a launch of its own costs the host as long as a small step takes.
+        device_views = self._plan.device_views.arrays[0]
+        self._views = self._worlds * self._cameras
+        self._look: Any = wp.launch(
+            pose_kernels.look_from_worlds,
+            dim=self._views,
+            inputs=[
+                arrays.zeros(self._views, wp.mat44f, self._device),
+                self._cameras,
+            ],
+            outputs=[device_views, self._status.flags],
+            device=self._device,
+            record_cmd=True,
+        )
         width, height = lenses[0].size
         self._shape = (self._worlds, self._cameras, height, width)
         self._maps = {
@@ -209,14 +224,8 @@ class DepthSensor:
             self._noise.reset()
 
     def _look_from(self, looks: Any) -> None:
-        views = self._plan.device_views.arrays[0]
-        wp.launch(
-            pose_kernels.look_from_worlds,
-            dim=views.shape,
-            inputs=[looks.reshape(views.shape), self._cameras],
-            outputs=[views, self._status.flags],
-            device=self._device,
-        )
+        self._look.set_param_at_index(0, looks.reshape(self._views))
+        self._look.launch()
 
     def _targets(self, out: Mapping[str, Any] | None) -> dict[str, Any]:
         """The arrays that results are copied to."""

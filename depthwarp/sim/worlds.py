@@ -39,6 +39,14 @@ class WorldPoints:
         self._status = status
         self._lanes = min(worlds, LANES) if device.is_cuda else 1
         self.spans = arrays.zeros(worlds, wp.vec2i, device)
+        self._all_rows: Any = wp.launch(
+            kernels.spans_of_rows,
+            dim=worlds,
+            inputs=[0],
+            outputs=[self.spans],
+            device=device,
+            record_cmd=True,
+        )
         self._none = arrays.zeros(1, wp.vec3f, device)
 
     def take(self, points: Any, counts: Any) -> Any:
@@ -95,13 +103,8 @@ class WorldPoints:
 
     def _take_all(self, stride: int) -> None:
         """All rows of all worlds. A launch, so that a captured graph has it too."""
-        wp.launch(
-            kernels.spans_of_rows,
-            dim=self._worlds,
-            inputs=[stride],
-            outputs=[self.spans],
-            device=self._device,
-        )
+        self._all_rows.set_param_at_index(0, stride)
+        self._all_rows.launch()
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> None:
         wp.launch(

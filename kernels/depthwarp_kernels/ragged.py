@@ -11,7 +11,14 @@ import warp as wp
 
 from depthwarp_kernels.options import EXACT
 from depthwarp_kernels.point_source import PointSource
-from depthwarp_kernels.resolve import depth_of_key, index_of_key, state_of_key
+from depthwarp_kernels.resolve import (
+    depth_alone,
+    depth_of_key,
+    index_of_key,
+    is_empty,
+    state_alone,
+    state_of_key,
+)
 from depthwarp_kernels.spans import span_of
 from depthwarp_kernels.splat import (
     COUNT_COLUMNS,
@@ -117,6 +124,28 @@ def cell_function(outputs: frozenset[str]):
         if wp.static("state" in outputs):
             state_out[v, cell] = state_of_key(key)
         return wp.where(key == wp.uint64(EMPTY_KEY), 0, 1)
+
+    return resolve_cell
+
+
+@cache
+def depth_cell_function(outputs: frozenset[str]):
+    """`cell_function` for keys that are depths alone."""
+
+    @wp.func
+    def resolve_cell(
+        key: wp.uint32,
+        v: wp.int32,
+        cell: wp.int32,
+        depth_out: wp.array2d[wp.float32],
+        index_out: wp.array2d[wp.int32],
+        state_out: wp.array2d[wp.uint8],
+    ):
+        if wp.static("depth" in outputs):
+            depth_out[v, cell] = depth_alone(key)
+        if wp.static("state" in outputs):
+            state_out[v, cell] = state_alone(key)
+        return wp.where(is_empty(key), 0, 1)
 
     return resolve_cell
 

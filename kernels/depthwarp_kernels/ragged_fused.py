@@ -12,12 +12,11 @@ import warp as wp
 from depthwarp_kernels.options import EXACT
 from depthwarp_kernels.point_source import ALL_DRAWN, GROUP, PLAIN, SEEN, PlainPoints
 from depthwarp_kernels.point_source import BLOCK as STATIC_BLOCK
-from depthwarp_kernels.ragged import TOTAL, RaggedConfig, cell_function
+from depthwarp_kernels.ragged import TOTAL, RaggedConfig, cell_function, depth_cell_function
 from depthwarp_kernels.spans import span_of
 from depthwarp_kernels.splat import (
     BEHIND,
     DRAWN,
-    EMPTY_KEY,
     NOT_FINITE,
     OUTSIDE,
     TOO_FAR,
@@ -41,48 +40,84 @@ Dropped = wp.types.vector(length=5, dtype=wp.int32)
 
 # The one minimum a point in which it all ends. Written in C: of an indexed array, generated code
 # asks each time whether the index is negative.
-@wp.func_native(f"""
-    for (int k = 0; k < {BLOCK}; ++k) {{
-        const uint32_t depth = reinterpret_cast<const uint32_t*>(depths.data)[k];
-        const uint64_t key = uint64_t(depth) << 32 | uint32_t(rank + k);
-        uint64_t& nearest = keys_out.data[cells.data[k]];
-        const uint64_t before = nearest;
-        nearest = key < before ? key : before;
-    }}
-""")
+def loop_over_block(number: str, key: str):
+    """Loop that puts the key of each point of a block into its cell if it is the smaller one."""
+    return f"""
+        for (int k = 0; k < {BLOCK}; ++k) {{
+            const uint32_t depth = reinterpret_cast<const uint32_t*>(depths.data)[k];
+            const {number} key = {key};
+            {number}& nearest = keys_out.data[cells.data[k]];
+            const {number} before = nearest;
+            nearest = key < before ? key : before;
+        }}
+    """
+
+
+@wp.func_native(loop_over_block("uint64_t", "uint64_t(depth) << 32 | uint32_t(rank + k)"))
 def keep_nearest(
     cells: wp.array[wp.int32],
     depths: wp.array[wp.float32],
     rank: wp.int32,
     keys_out: wp.array[wp.uint64],
 ):
-    """Put the key of each point of a block into its cell if it is the smaller one."""
+    """Points with indices from `rank` on."""
 
 
-@wp.func_native(f"""
-    for (int k = 0; k < {BLOCK}; ++k) {{
-        const uint32_t depth = reinterpret_cast<const uint32_t*>(depths.data)[k];
-        const uint64_t key = uint64_t(depth) << 32 | uint32_t(rows.data[k]);
-        uint64_t& nearest = keys_out.data[cells.data[k]];
-        const uint64_t before = nearest;
-        nearest = key < before ? key : before;
-    }}
-""")
+@wp.func_native(loop_over_block("uint64_t", "uint64_t(depth) << 32 | uint32_t(rows.data[k])"))
 def keep_nearest_rows(
     cells: wp.array[wp.int32],
     depths: wp.array[wp.float32],
     rows: wp.array[wp.int32],
     keys_out: wp.array[wp.uint64],
 ):
-    """The same of points with the indices `rows`."""
+    """Points with the indices `rows`."""
 
 
-@wp.func
-def clear_image(pixels: wp.int32, keys_out: wp.array[wp.uint64]):
-    """Empty the keys of an image."""
-    for block in range((pixels + wp.static(CELLS - 1)) / wp.static(CELLS)):
-        for k in range(wp.static(CELLS)):
-            keys_out[block * wp.static(CELLS) + k] = wp.uint64(EMPTY_KEY)
+@wp.func_native(loop_over_block("uint32_t", "depth"))
+def keep_nearest_depth(
+    cells: wp.array[wp.int32], depths: wp.array[wp.float32], keys_out: wp.array[wp.uint32]
+):
+    """Depths alone."""
+
+
+# In C for the same reason.
+@wp.func_native(f"""
+    const float* p = &points.data[first][0];
+    if (held == {BLOCK}) {{
+        for (int k = 0; k < {BLOCK}; ++k) {{
+            x_out.data[k] = p[3 * k];
+            y_out.data[k] = p[3 * k + 1];
+            z_out.data[k] = p[3 * k + 2];
+        }}
+    }} else {{
+        for (int k = 0; k < {BLOCK}; ++k) {{
+            const int i = k < held ? k : 0;
+            x_out.data[k] = k < held ? p[3 * i] : NAN;
+            y_out.data[k] = p[3 * i + 1];
+            z_out.data[k] = p[3 * i + 2];
+        }}
+    }}
+""")
+def take_apart(
+    points: wp.array[wp.vec3f],
+    first: wp.int32,
+    held: wp.int32,
+    x_out: wp.array[wp.float32],
+    y_out: wp.array[wp.float32],
+    z_out: wp.array[wp.float32],
+):
+    """Coordinates of a block that holds so many points; what is behind them is not finite."""
+
+
+@cache
+def clear_function(Key: type):
+    """The function that empties the keys of an image: all bits are ones, with an index or not."""
+
+    @wp.func_native("for (int k = 0; k < cells; ++k) keys_out.data[k] = ~0ull;")
+    def clear_image(cells: wp.int32, keys_out: wp.array[Key]):
+        """Empty so many keys."""
+
+    return clear_image
 
 
 # Loading, projecting and counting stand in one function: of arrays that are handed to another one
@@ -101,6 +136,7 @@ def draw_function(config: SplatConfig):
     place, project = config.lens.place, config.lens.project
     point_at, index_at = config.source.point_at, config.source.index_at
     reason_of = reason_function(config)
+    Key, with_index = config.key_type, config.with_index
 
     @wp.func
     def draw_points(
@@ -111,7 +147,7 @@ def draw_function(config: SplatConfig):
         begin: wp.int32,
         end: wp.int32,
         rank: wp.int32,
-        keys_out: wp.array[wp.uint64],
+        keys_out: wp.array[Key],
     ):
         x = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
         y = wp.zeros(shape=(wp.static(BLOCK),), dtype=wp.float32)
@@ -131,16 +167,15 @@ def draw_function(config: SplatConfig):
             held = wp.min(end - first, wp.static(BLOCK))
             # What fills up the last block is not finite, and no point.
             not_finite += held - wp.static(BLOCK)
-            for k in range(wp.static(BLOCK)):
-                i = wp.min(first + k, end - 1)
-                if wp.static(is_plain):
-                    point = points[i]
-                else:
-                    point = point_at(points, i)
-                    rows[k] = index_at(points, i)
-                x[k] = wp.where(k < held, point[0], wp.nan)
-                y[k] = point[1]
-                z[k] = point[2]
+            if wp.static(is_plain):
+                take_apart(points, first, held, x, y, z)
+            else:
+                for k in range(wp.static(BLOCK)):
+                    point = point_at(points, first + k)
+                    rows[k] = index_at(points, first + k)
+                    x[k] = point[0]
+                    y[k] = point[1]
+                    z[k] = point[2]
             for k in range(wp.static(BLOCK)):
                 p = place(view, lens, tables, wp.vec3f(x[k], y[k], z[k]))
                 pixel = pixel_of(project(lens, tables, p))
@@ -154,7 +189,9 @@ def draw_function(config: SplatConfig):
                 cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
                 cells[k] = wp.where(why == DRAWN, cell, nowhere + (k & wp.static(CELLS - 1)))
                 depths[k] = depth
-            if wp.static(is_plain):
+            if wp.static(not with_index):
+                keep_nearest_depth(cells, depths, keys_out)
+            elif wp.static(is_plain):
                 keep_nearest(cells, depths, rank + (first - begin), keys_out)
             else:
                 keep_nearest_rows(cells, depths, rows, keys_out)
@@ -173,6 +210,7 @@ def static_function(config: SplatConfig):
     sphere_of, group_of = config.source.sphere_of, config.source.group_of
     draw_points = draw_function(config)
     verdict_of = verdict_function(config)
+    Key = config.key_type
 
     @wp.func
     def may_see(view: View, sphere: wp.vec4f):
@@ -185,7 +223,7 @@ def static_function(config: SplatConfig):
         lens: Lens,
         tables: wp.array[wp.float32],
         source: Source,
-        keys_out: wp.array[wp.uint64],
+        keys_out: wp.array[Key],
     ):
         blocks = source.spheres.shape[0]
         for group in range((blocks + wp.static(GROUP - 1)) / wp.static(GROUP)):
@@ -207,12 +245,14 @@ def fused_kernel(config: RaggedConfig):
     """Kernel that draws views from `first` on, one after the other; launch over the views.
 
     A view sees the static cloud, if there is one, and its own, whose first point has the index
-    `rank`. Arrays of maps that are not among the outputs are not written. None of the arrays may be
-    empty.
+    `rank`. Keys are as in `splat`, with an index or without. Arrays of maps that are not among the
+    outputs are not written. None of the arrays may be empty.
     """
     Lens = config.splat.lens.struct
     draw_points = draw_function(config.splat)
-    resolve_cell = cell_function(config.outputs)
+    Key, with_index = config.splat.key_type, config.splat.with_index
+    clear_image = clear_function(Key)
+    resolve_cell = (cell_function if with_index else depth_cell_function)(config.outputs)
     has_static = config.static is not None
     Fixed = config.static.struct if has_static else PlainPoints
     if has_static:
@@ -231,7 +271,7 @@ def fused_kernel(config: RaggedConfig):
         rank: wp.int32,
         first: wp.int32,
         # Out:
-        keys_out: wp.array[wp.uint64],
+        keys_out: wp.array[Key],
         depth_out: wp.array2d[wp.float32],
         index_out: wp.array2d[wp.int32],
         state_out: wp.array2d[wp.uint8],

@@ -11,8 +11,7 @@ import warp as wp
 
 from depthwarp_kernels.lens import place_still
 from depthwarp_kernels.options import EXACT
-from depthwarp_kernels.ragged import LANES, TOTAL, cell_function
-from depthwarp_kernels.resolve import depth_alone, is_empty, state_alone
+from depthwarp_kernels.ragged import LANES, TOTAL, cell_function, depth_cell_function
 from depthwarp_kernels.spans import span_of
 from depthwarp_kernels.splat import (
     COUNT_COLUMNS,
@@ -175,28 +174,6 @@ TALLY_CODE = f"""
 @wp.func_native(TALLY_CODE)
 def write_tally(keys: wp.uint64, view: wp.int32, tally: Tally, counts_out: wp.array2d[wp.int64]):
     """Write the sums over the block; the keys are lost. All of its threads have to call it."""
-
-
-@cache
-def depth_cell_function(outputs: frozenset[str]):
-    """`cell_function` for keys that are depths alone."""
-
-    @wp.func
-    def resolve_cell(
-        key: wp.uint32,
-        v: wp.int32,
-        cell: wp.int32,
-        depth_out: wp.array2d[wp.float32],
-        index_out: wp.array2d[wp.int32],
-        state_out: wp.array2d[wp.uint8],
-    ):
-        if wp.static("depth" in outputs):
-            depth_out[v, cell] = depth_alone(key)
-        if wp.static("state" in outputs):
-            state_out[v, cell] = state_alone(key)
-        return wp.where(is_empty(key), 0, 1)
-
-    return resolve_cell
 
 
 @cache
