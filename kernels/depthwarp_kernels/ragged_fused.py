@@ -17,6 +17,8 @@ from depthwarp_kernels.spans import span_of
 from depthwarp_kernels.splat import (
     BEHIND,
     DRAWN,
+    EMPTY_DEPTH,
+    EMPTY_KEY,
     NOT_FINITE,
     OUTSIDE,
     TOO_FAR,
@@ -111,9 +113,10 @@ def take_apart(
 
 @cache
 def clear_function(Key: type):
-    """The function that empties the keys of an image: all bits are ones, with an index or not."""
+    """The function that empties the keys of an image."""
+    empty = f"{EMPTY_KEY}ull" if Key is wp.uint64 else f"{EMPTY_DEPTH}u"
 
-    @wp.func_native("for (int k = 0; k < cells; ++k) keys_out.data[k] = ~0ull;")
+    @wp.func_native(f"for (int k = 0; k < cells; ++k) keys_out.data[k] = {empty};")
     def clear_image(cells: wp.int32, keys_out: wp.array[Key]):
         """Empty so many keys."""
 
