@@ -17,7 +17,8 @@ def thread_pool(threads: int) -> ThreadPoolExecutor:
 
     Linux often starts a thread that was asleep on the core of the one that wakes it, above all in a
     virtual machine, which cannot tell a core that rests from one that was taken away. There both
-    would take turns for milliseconds, which is all the time that a view takes.
+    would take turns for milliseconds, which is all the time that a view takes. What such a thread
+    starts, a thread or a process, stays on its core too: they are for launches alone.
     """
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
     if len(cores) < 2 or threads < len(cores):

@@ -18,7 +18,7 @@ from depthwarp.prepared import PreparedCloud
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.looking import NO_INDEX, LookingPlan, stats_of
 from depthwarp.rendering.points import points_of
-from depthwarp.rendering.ragged_splatting import CpuViews, CudaViews
+from depthwarp.rendering.ragged_splatting import CpuViews, CudaViews, needs_keys
 from depthwarp.rendering.views import ViewPlan
 from depthwarp_kernels import ragged, spans, splat
 from depthwarp_kernels.point_source import PLAIN
@@ -74,7 +74,14 @@ class RaggedPlan(LookingPlan):
         written = frozenset(OUTPUTS if config.filters else outputs)
         width, height = self._views.size
         self._pixels = width * height
-        self._check_memory(written)
+        source = splat.SplatConfig(
+            PLAIN, self._views.model, config.depth, self._views.has_range_views
+        )
+        under = None if static is None else points_of(static)
+        ragged_config = ragged.RaggedConfig(
+            source, written, None if under is None else under.source
+        )
+        self._check_memory(ragged_config)
         shape = (len(views), height, width)
         own = {
             name: arrays.zeros(shape, OUTPUTS[name], device) if name in written else None
@@ -92,13 +99,6 @@ class RaggedPlan(LookingPlan):
         self._counts = arrays.zeros((len(views), ragged.RAGGED_COLUMNS), wp.int64, device)
         self._no_points = arrays.zeros(1, wp.vec3f, device)
         self._spans: Any = None
-        source = splat.SplatConfig(
-            PLAIN, self._views.model, config.depth, self._views.has_range_views
-        )
-        under = None if static is None else points_of(static)
-        ragged_config = ragged.RaggedConfig(
-            source, written, None if under is None else under.source
-        )
         drawn = (self._views, ragged_config, flat, self._counts, under)
         self._splatter: CpuViews | CudaViews = (
             CudaViews(*drawn) if device.is_cuda else CpuViews(*drawn, self._threads)
@@ -160,14 +160,17 @@ class RaggedPlan(LookingPlan):
             depth, index, state, [stats_of(row[:-1], int(row[-1])) for row in rows]
         )
 
-    def _check_memory(self, written: frozenset[str]) -> None:
+    def _check_memory(self, config: ragged.RaggedConfig) -> None:
         width, height = self._views.size
-        views, cuda = self._views.count, self._device.is_cuda
-        a_pixel = sum(OUTPUT_BYTES[name] for name in written)
+        views = self._views.count
+        a_pixel = sum(OUTPUT_BYTES[name] for name in config.outputs)
         a_pixel += sum(step.scratch_bytes for step in self._config.filters)
+        images = self._threads
+        if self._device.is_cuda:
+            images = views if needs_keys(config, self._pixels) else 0
         check_memory(
             f"{views} depth maps of {width} x {height} pixels",
-            self._pixels * (views * a_pixel + 8 * (views if cuda else self._threads)),
+            self._pixels * (views * a_pixel + 8 * images),
             self._device,
             "render fewer views at a time, or smaller ones",
         )

@@ -18,7 +18,7 @@ from depthwarp_kernels import ragged, ragged_fused, ragged_shared, splat
 from depthwarp_kernels.point_source import PlainPoints
 from depthwarp_kernels.ragged import LANES
 
-__all__ = ["CpuViews", "CudaViews"]
+__all__ = ["CpuViews", "CudaViews", "needs_keys"]
 
 PARTS_A_THREAD = 8
 """Groups of views that a thread takes one after the other, so that none waits long for the last."""
@@ -99,6 +99,12 @@ class CpuViews:
         list(thread_pool(self._threads).map(draw, bounds[:-1], bounds[1:]))
 
 
+def needs_keys(config: ragged.RaggedConfig, pixels: int) -> bool:
+    """Whether CUDA keeps keys of all views: of large images, and of those with a static cloud."""
+    is_small = ragged_shared.shared_config(config.splat, config.outputs, pixels) is not None
+    return config.static is not None or not is_small
+
+
 class CudaViews:
     """Draws so many threads a view into the keys of all views, and resolves them.
 
@@ -128,7 +134,7 @@ class CudaViews:
         self._shared = ragged_shared.shared_config(
             config.splat, config.outputs, width * height, begins_with_keys=static is not None
         )
-        has_keys = self._shared is None or static is not None
+        has_keys = needs_keys(config, width * height)
         shape = (views.count, width * height) if has_keys else (1, 1)
         self._keys = arrays.empty(shape, wp.uint64, self._device)
         if static is not None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable
 from inspect import Parameter, Signature
+from threading import Lock
 from typing import Any
 
 import warp as wp
@@ -62,15 +63,16 @@ def jax_step(sensor: DepthSensor) -> Callable[..., dict[str, Any]]:
         raise MissingExtraError("a sensor's step in JAX", "jax", "jax") from error
 
     calls: dict[tuple[str, ...], Any] = {}
+    one_at_a_time = Lock()  # XLA may call from several threads, and a sensor has one set of buffers
     reference = weakref.ref(sensor)
 
     def call(given: dict[str, Any]) -> dict[str, Any]:
         names = tuple(given)
         if names not in calls:
-            calls[names] = _foreign_call(reference, names)
+            calls[names] = _foreign_call(reference, names, one_at_a_time)
         worlds = given["poses"].shape[0]
         shape = (worlds, *_living(reference).shape[1:])
-        outputs = _living(reference)._outputs
+        outputs = _living(reference).outputs
         images = calls[names](*given.values(), output_dims=dict.fromkeys(outputs, shape))
         return dict(zip(outputs, images, strict=True))
 
@@ -89,12 +91,14 @@ def jax_step(sensor: DepthSensor) -> Callable[..., dict[str, Any]]:
     return step
 
 
-def _foreign_call(reference: weakref.ref[DepthSensor], names: tuple[str, ...]) -> Any:
+def _foreign_call(
+    reference: weakref.ref[DepthSensor], names: tuple[str, ...], one_at_a_time: Lock
+) -> Any:
     """The step as XLA calls it, with arrays of these names and then one for each output.
 
     Warp keeps what it registers with XLA for ever: so it is given no more than a weak reference.
     """
-    outputs = _living(reference)._outputs
+    outputs = _living(reference).outputs
 
     def run(*arrays: Any) -> None:
         sensor = _living(reference)
@@ -109,11 +113,9 @@ def _foreign_call(reference: weakref.ref[DepthSensor], names: tuple[str, ...]) -
         for begin in range(0, total, worlds):
             part = slice(begin, begin + worlds)
             inputs = {name: array[part] for name, array in given.items()}
-            sensor.step(
-                inputs.pop("points", None),
-                **inputs,
-                out={name: array[part] for name, array in results.items()},
-            )
+            images = {name: array[part] for name, array in results.items()}
+            with one_at_a_time:
+                sensor.step(inputs.pop("points", None), **inputs, out=images)
 
     kinds: dict[str, Any] = {name: _KINDS[name] for name in names}
     kinds |= {name: (OUTPUTS[name], 4) for name in outputs}

@@ -17,6 +17,7 @@ import warp as wp
 from depthwarp import arrays
 from depthwarp.cameras import Camera, DepthKind
 from depthwarp.checks import check_count, check_positive, is_number
+from depthwarp.devices import check_memory
 from depthwarp.errors import InputError
 from depthwarp.filters.maps import DeviceMaps
 from depthwarp.filters.rows import row_launch
@@ -93,8 +94,6 @@ class SensorNoise:
     flying_jump: float = 0.1
     seed: int = 0
 
-    scratch_bytes = 4
-
     def __post_init__(self) -> None:
         for name, unit in (
             ("min_range", "m"),
@@ -123,6 +122,7 @@ class SensorNoise:
         Raises:
             InputError: Maps of another shape than these cameras' images, or a camera without this
                 kind of depth.
+            CapacityError: The working memory does not fit the device.
         """
         expected = (worlds * len(cameras), *cameras[0].size[::-1]) if len(cameras) else None
         if maps.depth.shape != expected or any(c.size != cameras[0].size for c in cameras):
@@ -130,6 +130,15 @@ class SensorNoise:
                 f"maps of shape {maps.depth.shape} must hold the images of {worlds} worlds with "
                 f"{len(cameras)} cameras of one size each, got sizes {[c.size for c in cameras]}"
             )
+        pixels = maps.depth.size + (
+            6 * len(cameras) * maps.depth[0].size if self.looks_beside else 0
+        )
+        check_memory(
+            f"noise of {maps.depth.shape[0]} images",
+            4 * pixels,
+            maps.depth.device,
+            "simulate fewer worlds at a time, or smaller images",
+        )
         return NoiseStep(self, maps, cameras, depth)
 
     @property

@@ -25,7 +25,7 @@ from depthwarp.sim.handed import adopt, stream_scope
 from depthwarp.sim.noise import SensorNoise
 from depthwarp.sim.static_map import prepared_map
 from depthwarp.sim.status import DeviceStatus, WorldStatus
-from depthwarp.sim.worlds import WorldPoints
+from depthwarp.sim.worlds import MOST_POINTS, WorldPoints
 from depthwarp_kernels import poses as pose_kernels
 from depthwarp_kernels import spans as span_kernels
 
@@ -100,12 +100,18 @@ class DepthSensor:
         # Noise, like filters, works on all maps; a depth of another renderer is compared with ours.
         written = tuple(OUTPUTS) if noise is not None else ("depth", *self._outputs)
         static = prepared_map(static_map, self._device)
+        most = check_count("max_points_per_world", max_points_per_world, 1)
+        if most + (0 if static is None else len(static)) > MOST_POINTS:
+            raise InputError(
+                f"max_points_per_world and the points of static_map together are more than "
+                f"{MOST_POINTS}, the largest index"
+            )
         self._plan = RaggedPlan(views, config, written, self._device, static=static)
         self._has_map = static is not None
         self._status = DeviceStatus(self._worlds, self._device)
         self._points = WorldPoints(
             self._worlds,
-            check_count("max_points_per_world", max_points_per_world, 1),
+            most,
             self._device,
             self._status,
         )
@@ -197,8 +203,10 @@ class DepthSensor:
         """
         if points is None and not self._has_map:
             raise InputError("points are missing, and there is no static map to draw instead")
-        with stream_scope((points, poses), self._device):
-            targets = self._targets(out)
+        _check_mapping(out)
+        handed = (points, poses, counts, scene_depth, *(out or {}).values())
+        with stream_scope(handed, self._device):
+            targets = self._targets(out or {})
             looks = adopt("poses", poses, wp.mat44f, self._shape[:2], self._device)
             scene = None
             if scene_depth is not None:
@@ -215,11 +223,17 @@ class DepthSensor:
         return {**self._maps, **targets}
 
     def status(self) -> WorldStatus:
-        """What went wrong since the last call of this; waits for the device."""
+        """What went wrong since the last call of this; waits for the device.
+
+        Of steps that `jax_step` runs, those that are done: wait for their results first.
+        """
         return self._status.read()
 
     def restart_noise(self) -> None:
-        """Let the noise begin anew: the same numbers as from the first step on."""
+        """Let the noise begin anew: the same numbers as from the first step on.
+
+        On CUDA it is queued on Warp's current stream: call it under the stream of the steps.
+        """
         if self._noise is not None:
             self._noise.reset()
 
@@ -227,15 +241,8 @@ class DepthSensor:
         self._look.set_param_at_index(0, looks.reshape(self._views))
         self._look.launch()
 
-    def _targets(self, out: Mapping[str, Any] | None) -> dict[str, Any]:
+    def _targets(self, out: Mapping[str, Any]) -> dict[str, Any]:
         """The arrays that results are copied to."""
-        if out is None:
-            return {}
-        if not isinstance(out, Mapping):
-            raise InputError(
-                'out must be arrays by the names of the outputs, {"depth": array}, got '
-                f"{type(out).__name__}"
-            )
         unknown = [name for name in out if name not in self._maps]
         if unknown:
             raise InputError(
@@ -245,6 +252,14 @@ class DepthSensor:
             name: adopt(f"out[{name!r}]", array, OUTPUTS[name], self._shape, self._device, True)
             for name, array in out.items()
         }
+
+
+def _check_mapping(out: Mapping[str, Any] | None) -> None:
+    if out is not None and not isinstance(out, Mapping):
+        raise InputError(
+            'out must be arrays by the names of the outputs, {"depth": array}, got '
+            f"{type(out).__name__}"
+        )
 
 
 def _lenses(

@@ -61,10 +61,13 @@ class DeviceStatus:
         self.surplus = arrays.zeros(worlds, wp.int32, device)
 
     def read(self) -> WorldStatus:
-        """What was noted since the last reading; waits for the device."""
+        """What was noted since the last reading; waits for the device, on all of its streams."""
+        device = self.flags.device
+        wp.synchronize_device(device)
         flags, surplus = self.flags.numpy().copy(), self.surplus.numpy().copy()
         self.flags.zero_()
         self.surplus.zero_()
+        wp.synchronize_device(device)  # the next step may run on another stream
         negative, bad = int(NEGATIVE_COUNT), int(BAD_POSE)
         return WorldStatus(
             surplus=np.where(flags & int(SURPLUS), surplus, 0).astype(np.int32),

@@ -12,10 +12,10 @@ from depthwarp.sim.handed import adopt
 from depthwarp.sim.status import DeviceStatus
 from depthwarp_kernels import spans as kernels
 
-__all__ = ["WorldPoints"]
+__all__ = ["MOST_POINTS", "WorldPoints"]
 
-MOST_POINTS = (1 << 31) - 1
-"""Points that 32-bit numbers can count."""
+MOST_POINTS = (1 << 31) - (1 << 16)
+"""Points that 32-bit numbers can count, and some more that threads count on beyond the end."""
 
 LANES = 1024
 """Threads on CUDA that count what stands before their worlds."""
@@ -74,6 +74,7 @@ class WorldPoints:
                 f"world's; or hand points of the shape ({self._worlds}, P, 3)"
             )
         rows = adopt("points", points, wp.vec3f, (None,), self._device)
+        _check_total(rows.shape[0])
         self._launch(
             kernels.spans_of_counts,
             self._lanes,
@@ -85,8 +86,7 @@ class WorldPoints:
         """Points of the shape (W, P, 3)."""
         rows = adopt("points", points, wp.vec3f, (self._worlds, None), self._device)
         stride = rows.shape[1]
-        if self._worlds * stride > MOST_POINTS:
-            raise InputError(f"{self._worlds * stride} points in all are more than {MOST_POINTS}")
+        _check_total(self._worlds * stride)
         if stride > self._most:
             raise InputError(
                 f"points have {stride} rows a world, more than this sensor's "
@@ -116,7 +116,12 @@ class WorldPoints:
         )
 
 
+def _check_total(points: int) -> None:
+    if points > MOST_POINTS:
+        raise InputError(f"{points} points in all are more than {MOST_POINTS}")
+
+
 def _has_rows(points: Any) -> bool:
     """Whether points are those of each world in a row of its own, (W, P, 3), and not (N, 3)."""
-    is_vector = isinstance(points, wp.array) and points.dtype is wp.vec3f
-    return len(getattr(points, "shape", ())) + is_vector == 3
+    inner = getattr(getattr(points, "dtype", None), "_shape_", ())  # of Warp's vectors
+    return len(getattr(points, "shape", ())) + len(inner) == 3

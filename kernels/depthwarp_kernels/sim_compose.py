@@ -4,6 +4,7 @@ from functools import cache
 
 import warp as wp
 
+from depthwarp_kernels.filters_layers import STATE_ERASED
 from depthwarp_kernels.options import EXACT
 from depthwarp_kernels.resolve import STATE_MEASURED
 
@@ -36,6 +37,9 @@ def compose_kernel(outputs: frozenset[str]):
         row = (first_row + i) % rows
         theirs = other[v, row, column]
         ours = depth_out[v, row, column]
+        if wp.static("state" in outputs):
+            if state_out[v, row, column] == STATE_ERASED:
+                ours = wp.float32(0.0)  # an erased pixel may have kept its depth
         seen = theirs > 0.0 and theirs >= least and theirs <= greatest
         if seen and (ours == 0.0 or theirs < ours):
             depth_out[v, row, column] = theirs

@@ -272,6 +272,28 @@ def test_a_graph_keeps_its_shapes() -> None:
     np.testing.assert_array_equal(captured["depth"].numpy(), expected)
 
 
+def test_an_erased_pixel_is_empty_for_another_renderer() -> None:
+    """One that kept its depth: a farther depth of theirs takes its place."""
+    kept = [dw.filters.remove_hidden("paper", threshold=0.1, keep_depth=True)]
+    sensor = sensor_of(pinhole(), filters=kept)
+    points, poses = worlds_of(26), poses_of(26)
+    erased = sensor.step(points, poses)["state"].numpy() == dw.State.ERASED
+    far = np.full(sensor.shape, 14.5, np.float32)
+    maps = sensor.step(points, poses, scene_depth=far)
+    assert erased.any() and (maps["depth"].numpy()[erased] == 14.5).all()
+    assert (maps["state"].numpy()[erased] == dw.State.MEASURED).all()
+
+
+def test_vectors_of_any_maker_are_points() -> None:
+    """A vector type that equals `wp.vec3f` without being it."""
+    sensor = sensor_of(pinhole())
+    vector: Any = wp.types.vector(length=3, dtype=wp.float32)
+    points, poses = worlds_of(27), poses_of(27)
+    expected = sensor.step(points, poses)["depth"].numpy().copy()
+    found = sensor.step(wp.array(points, dtype=vector, device="cpu"), poses)["depth"].numpy()
+    np.testing.assert_array_equal(found, expected)
+
+
 def test_results_go_where_they_are_wanted() -> None:
     """`out`: the caller's arrays are written and returned; others stay the sensor's."""
     sensor = sensor_of(pinhole())
