@@ -146,8 +146,8 @@ def wait_for_person(text: str) -> str:
     Raises:
         typer.Abort: The input has ended, or Ctrl-C.
     """
-    typer.echo(f"{text} ", nl=False, err=True)
     try:
+        typer.echo(f"{text} ", nl=False, err=True)
         return _read_line()
     except BaseException:
         typer.echo(err=True)  # what is said next begins a line
