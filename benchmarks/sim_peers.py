@@ -57,7 +57,12 @@ class Sensor:
         self.points = arrays.share(scene.points_world(), wp.vec3f, device)
         self.poses = wp.array(scene.poses(), dtype=wp.mat44f, device=device)
         self.make = lambda: dw.sim.DepthSensor(
-            *(scene.worlds, 1, (side, side), lens, scene.points, device),
+            num_worlds=scene.worlds,
+            cameras_per_world=1,
+            size=(side, side),
+            model=lens,
+            max_points_per_world=scene.points,
+            device=device,
             depth="z",
             max_range=scene.room.max_range_m,
         )

@@ -46,7 +46,12 @@ class RoomEnv(VectorEnv):
         self.num_envs, self.device = num_envs, torch.device(device)
         lens = dw.PinholeCamera.from_fov(FOV_DEG, SIZE)
         self._sensor = dw.sim.DepthSensor(
-            *(num_envs, 1, SIZE, lens, BALL_POINTS, device),
+            num_worlds=num_envs,
+            cameras_per_world=1,
+            size=SIZE,
+            model=lens,
+            max_points_per_world=BALL_POINTS,
+            device=device,
             static_map=scanned_room(30_000).prepare(device=device),
         )
         self._generator = torch.Generator(device)
@@ -76,6 +81,7 @@ class RoomEnv(VectorEnv):
         self._time_s = 0.0
         self._ended[:] = True
         self._begin_again()
+        self._ended[:] = False
         self._draw()
         return self.images, {}
 

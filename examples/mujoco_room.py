@@ -108,7 +108,7 @@ def main(steps: int = 50, device: str | None = None) -> dict[str, float]:
         robot_depth = caster.depth_data.reshape(sensor.shape)  # z depth, 0 where nothing is
         poses = wp.zeros((WORLDS, 1), dtype=wp.mat44f)
 
-        def step() -> wp.array:
+        def step() -> dict[str, wp.array]:
             wp.launch(command, dim=WORLDS, inputs=[data.time], outputs=[data.ctrl])
             mjw.step(model, data)
             mjw.refit_bvh(model, data, caster)

@@ -126,7 +126,7 @@ def ring_of_companions(
 
 # The smallest ring of whole radius, at most `FARTHEST_RING`, inside which 4 pixels are of the
 # pixel's own layer: within 0.03 m + r pitch of its depth, r the companion's own ring.
-# Row counts belong to the thread that has the row, so on a CPU they need no atomics.
+# On a CPU one thread has a row and its counts; on CUDA several share them, hence the atomics.
 # Launch over (rows, runs).
 @wp.kernel
 def find_spacing(

@@ -35,6 +35,19 @@ def test_a_vectorized_environment(example, capsys):
     assert "seeing: 32 robots" in capsys.readouterr().out
 
 
+def test_the_first_step_begins_where_the_reset_ended(example):
+    """Straight on: each robot is a step further along its heading, none is put elsewhere."""
+    torch = pytest.importorskip("torch")
+    module = example("gym_torch")
+    robots = module.RoomEnv(8)
+    robots.reset(seed=1)
+    before = robots._place.clone()
+    robots.step(torch.zeros(8, 1))
+    way = module.SPEED_M_S * module.STEP_S
+    ahead = torch.stack([before[:, 2].cos(), before[:, 2].sin(), 0 * before[:, 2]], dim=1)
+    torch.testing.assert_close(robots._place, before + way * ahead)
+
+
 def test_observations_are_the_image_itself(example):
     """A step writes into the tensor that was handed out; an ended episode begins anew."""
     torch = pytest.importorskip("torch")

@@ -20,6 +20,10 @@ from tests.kernels.scenes import CULLED, SCENES, splat_configs
 FAMILIES = {
     "encode",
     "filters",
+    "filters_fill",
+    "filters_hidden",
+    "filters_layers",
+    "filters_spacing",
     "laser_color",
     "laser_line",
     "lzf",
@@ -27,6 +31,9 @@ FAMILIES = {
     "prepare",
     "resolve",
     "segment",
+    "sim_noise",
+    "sim_winners",
+    "spans",
     "splat_cuda",
     "twin",
 }
