@@ -4,7 +4,8 @@ Ownership: what `adopt` returns aliases the memory of the array that was handed 
 reference to it, so that memory lives for as long as the Warp array does. A step lets go of its
 inputs when it returns, of its poses with the next step. On CUDA it may not be done by then: tensors
 of torch may be dropped all the same, as torch reuses memory in the order of its stream, but keep
-arrays of JAX and other libraries until the results were read. A graph that was captured holds addresses alone: keep its arrays.
+arrays of JAX and other libraries until the results were read. A graph that was captured holds
+addresses alone: keep its arrays.
 
 Streams: a step is queued on one stream of its CUDA device: torch's current stream where any of its
 arrays is a torch tensor (`stream_scope`), XLA's stream inside `jax.jit`, and else Warp's current
