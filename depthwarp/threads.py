@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from itertools import cycle
+from typing import Any, TypeVar
 
-__all__ = ["thread_pool"]
+__all__ = ["Shared", "pieces_of", "share", "thread_pool"]
+
+Result = TypeVar("Result")
 
 
 @cache
@@ -30,6 +35,38 @@ def thread_pool(threads: int) -> ThreadPoolExecutor:
             os.sched_setaffinity(0, {next(core_of_thread)})
 
     return ThreadPoolExecutor(threads, thread_name_prefix="depthwarp", initializer=settle)
+
+
+def share(work: Callable[[int], Result], threads: int) -> list[Result]:
+    """Let every thread do its work, and wait for all of them.
+
+    Returns:
+        What `work` returns for 0, 1, ..., `threads` - 1.
+    """
+    if threads == 1:
+        return [work(0)]
+    pool = thread_pool(threads)
+    return [done.result() for done in [pool.submit(work, thread) for thread in range(threads)]]
+
+
+class Shared:
+    """An iterator from which several threads take."""
+
+    def __init__(self, items: Iterable[Any]) -> None:
+        self._items, self._lock = iter(items), threading.Lock()
+
+    def __iter__(self) -> Iterator[Any]:
+        return self
+
+    def __next__(self) -> Any:
+        with self._lock:
+            return next(self._items)
+
+
+def pieces_of(count: int, most: int) -> list[tuple[int, int]]:
+    """From 0 to `count` in at most so many pieces of nearly one size: first, and end."""
+    bounds = [count * piece // most for piece in range(most + 1)]
+    return [(first, end) for first, end in zip(bounds, bounds[1:], strict=False) if end > first]
 
 
 if hasattr(os, "register_at_fork"):  # a forked process has the pools, but none of their threads

@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from depthwarp.devices import usable_cores
-from depthwarp.threads import thread_pool
+from depthwarp.threads import share
 
 __all__ = ["launch_parts"]
 
@@ -28,4 +28,4 @@ def launch_parts(
         if size:
             wp.launch(kernel, size, [*inputs, first, *more], outputs, device=device)
 
-    list(thread_pool(parts).map(launch, range(parts)))
+    share(launch, parts)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -17,25 +16,28 @@ from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.occlusion import Occlusion
 from depthwarp.rendering.points import Points
 from depthwarp.rendering.views import DeviceViews
-from depthwarp.threads import thread_pool
+from depthwarp.threads import Shared, pieces_of, share
 from depthwarp_kernels import cull_blocks, splat, splat_blocks
-from depthwarp_kernels import resolve as resolving
+from depthwarp_kernels import resolve_blocks as resolving
 from depthwarp_kernels.point_source import BLOCK, GROUP, PointSource
 
 __all__ = ["CpuSplatter"]
 
 LEAST_BLOCKS = 256
-"""Blocks of points from which a second thread pays for its buffer."""
+"""Blocks of points, or of pixels, from which a second thread pays."""
 
-PARTS_A_THREAD = 4
-"""Parts that a thread takes one after the other, so that none waits long for the last."""
+PART_BLOCKS = 256
+"""Blocks of points that a thread takes at a time, so that none waits long for the last."""
+
+RESOLVED_PARTS_A_THREAD = 2
+"""Parts of an image that a thread takes one after the other."""
 
 
 class CpuSplatter:
-    """Draws points into key buffers of views.
+    """Draws points into views: each thread into a buffer of keys of its own, one view at a time.
 
     A key only ever falls and the smallest of all buffers counts, so the result does not depend on
-    the threads or on who takes which part.
+    the threads or on who takes which part. Between two views all buffers are empty.
 
     Args:
         views: The views, on the CPU.
@@ -43,7 +45,6 @@ class CpuSplatter:
         device: Warp's CPU.
         with_index: Whether keys hold the winner's index, or its depth alone.
         threads: Threads that share the work.
-        buffers: One for each thread, or one: then each thread draws whole views.
     """
 
     def __init__(
@@ -54,222 +55,199 @@ class CpuSplatter:
         *,
         with_index: bool,
         threads: int,
-        buffers: int,
     ) -> None:
         self._views, self._device, self._depth = views, device, config.depth
         self._with_index = with_index
         self._threads = threads
         width, height = views.size
         self._pixels = width * height
-        # Whole blocks of cells, so that they can be merged in blocks.
+        self._pixel_blocks = -(-self._pixels // resolving.BLOCK)
+        # Whole blocks of cells, so that they can be resolved in blocks.
         cells = -(-(self._pixels + splat_blocks.SPARE_CELLS) // resolving.BLOCK) * resolving.BLOCK
-        self._empty = splat.EMPTY_KEY if with_index else splat.EMPTY_DEPTH
         key_type = wp.uint64 if with_index else wp.uint32
-        self._keys = arrays.empty((buffers, views.count, cells), key_type, device)
-        self._counts = arrays.empty((buffers, views.count, splat.COUNT_COLUMNS), wp.int64, device)
-        self._buffers = [
-            [(self._keys[b, v], self._counts[b, v]) for v in range(views.count)]
-            for b in range(buffers)
-        ]
-        self._used = 1  # buffers that hold something
-        wp.load_module(resolving.resolve.module, device=device)
+        self._keys = arrays.empty((threads, cells), key_type, device)
+        self._are_empty = False
+        self._counts = arrays.empty((threads, views.count, splat.COUNT_COLUMNS), wp.int64, device)
+        self._buffers = [_Buffer(self._keys[t], self._counts[t]) for t in range(threads)]
+        wp.load_module(resolving.resolve_blocks.module, device=device)
         self._nothing = arrays.zeros(1, wp.int32, device)
         self._loaded: dict[PointSource, _Kernels] = {}
 
-    def draw(self, points: Points) -> None:
-        """Clear the buffers and draw a cloud."""
-        kernels = self._kernels(points.source)
+    def render(self, points: Points, *maps: Any) -> None:
+        """Draw a cloud and write depth, index if there is one, and state, shape (V, pixels)."""
+        kernels, views = self._kernels(points.source), range(self._views.count)
+        cloud = _Cloud(kernels, points, kernels.hides(points))
         self._counts.zero_()
-        views = range(self._views.count)
-        if self._threads == 1 or points.whole_blocks * len(views) < LEAST_BLOCKS:
-            self._used = 1
-            self._keys[0].fill_(self._empty)
+        if not self._are_empty:
+            self._keys.fill_(splat.EMPTY_KEY if self._with_index else splat.EMPTY_DEPTH)
+        self._are_empty = False  # until all that is drawn was resolved
+        if self._threads == 1 or (cloud.blocks + self._pixel_blocks) * len(views) < LEAST_BLOCKS:
             for view in views:
-                self._draw_view(kernels, points, view)
-        elif len(self._buffers) == 1:
-            self._draw_apart(kernels, points)
+                self._draw_alone(cloud, view, 0, maps)
+        elif len(views) >= self._threads:
+            self._draw_apart(cloud, maps)
         else:
-            self._used = len(self._buffers)
-            self._share(lambda thread: self._keys[thread].fill_(self._empty))
             for view in views:
-                self._draw_together(kernels, points, view)
-        self._draw_rest(kernels, points)
-
-    def resolve(self, *maps: Any) -> None:
-        """Write what the keys hold: depth, index if they have it, and state, shape (V, pixels)."""
-        views = range(self._views.count)
-        pieces = _pieces(self._keys.shape[2] // resolving.BLOCK, len(self._buffers))
-        parts = _Shared((view, *piece) for view in views for piece in pieces)
-        self._share(lambda thread: self._resolve_parts(parts, thread, maps))
-        whole = self._pixels // resolving.BLOCK * resolving.BLOCK
-        if self._pixels > whole:
-            wp.launch(
-                resolving.resolve if self._with_index else resolving.resolve_depth,
-                dim=(len(views), self._pixels - whole),
-                inputs=[self._keys[0], whole],
-                outputs=[*maps, self._counts[0]],
-                device=self._device,
-            )
+                self._draw_together(cloud, view, maps)
+        self._are_empty = True
 
     def total_counts(self) -> npt.NDArray[np.int64]:
         """What became of the points, shape (V, `COUNT_COLUMNS`)."""
         counts: npt.NDArray[np.int64] = self._counts.numpy().sum(axis=0)
         return counts
 
-    def _draw_apart(self, kernels: _Kernels, points: Points) -> None:
-        """Draw views, each with one thread."""
-        views = _Shared(range(self._views.count))
+    def _draw_apart(self, cloud: _Cloud, maps: tuple[Any, ...]) -> None:
+        """Draw views, each with one thread, in whose caches its keys stay."""
+        views = Shared(range(self._views.count))
 
         def draw(thread: int) -> None:
             for view in views:
-                self._buffers[0][view][0].fill_(self._empty)
-                self._draw_view(kernels, points, view)
+                self._draw_alone(cloud, view, thread, maps)
 
-        self._share(draw)
+        share(draw, self._threads)
 
-    def _draw_view(self, kernels: _Kernels, points: Points, view: int) -> None:
-        """Draw one view with one thread."""
-        groups = -(-points.whole_blocks // GROUP)
-        in_view = self._cull(kernels, points, view, 0, (0, groups))
-        for seen, count in self._rounds(kernels, points, view, in_view):
-            self._draw_blocks(kernels, points, view, 0, seen, (0, count))
+    def _draw_alone(self, cloud: _Cloud, view: int, thread: int, maps: tuple[Any, ...]) -> None:
+        """Draw and resolve one view with one thread."""
+        keys = self._keys[thread : thread + 1]
+        in_view = self._cull(cloud, view, thread, (0, cloud.groups))
+        for seen, count in self._rounds(cloud, view, keys, in_view):
+            self._draw_blocks(cloud, view, thread, seen, (0, count))
+        self._draw_rest(cloud, view, thread)
+        self._resolve(view, thread, keys, (0, self._pixel_blocks), maps)
 
-    def _draw_together(self, kernels: _Kernels, points: Points, view: int) -> None:
-        """Draw one view with all threads, each into a buffer of its own."""
-        in_view = self._cull_together(kernels, points, view)
-        for seen, count in self._rounds(kernels, points, view, in_view):
-            parts = _Shared(_pieces(count, self._threads * PARTS_A_THREAD))
-            self._share(partial(self._draw_parts, kernels, points, view, seen, parts))
+    def _draw_together(self, cloud: _Cloud, view: int, maps: tuple[Any, ...]) -> None:
+        """Draw and resolve one view with all threads, each in a buffer if there are many points."""
+        threads = self._threads if cloud.blocks >= LEAST_BLOCKS else 1
+        keys = self._keys[:threads]
+        if cloud.hides:
+            self._draw_rounds(cloud, view, keys)
+        else:
+            self._draw_at_once(cloud, view, threads)
+        self._draw_rest(cloud, view, 0)
+        parts = Shared(pieces_of(self._pixel_blocks, self._threads * RESOLVED_PARTS_A_THREAD))
 
-    def _draw_parts(
-        self,
-        kernels: _Kernels,
-        points: Points,
-        view: int,
-        seen: Any,
-        parts: Iterable[tuple[int, int]],
-        thread: int,
-    ) -> None:
-        """Work of a thread: parts of a list, into its own buffer."""
-        for part in parts:
-            self._draw_blocks(kernels, points, view, thread, seen, part)
+        def resolve(thread: int) -> None:
+            for part in parts:
+                self._resolve(view, thread, keys, part, maps)
+
+        share(resolve, self._threads)
+
+    def _draw_at_once(self, cloud: _Cloud, view: int, threads: int) -> None:
+        """Draw with threads that wake once: all of them look what is in view, then draw."""
+        pieces = pieces_of(cloud.groups, threads if cloud.kernels.cull else 1)
+        groups, looked = Shared(pieces), Shared(range(1, len(pieces) + 1))
+        parts: SimpleQueue[tuple[Any, tuple[int, int]] | None] = SimpleQueue()
+
+        def draw(thread: int) -> None:
+            for piece in groups:
+                try:
+                    seen, count = self._cull(cloud, view, thread, piece)
+                    for part in pieces_of(count, count // PART_BLOCKS + 1):
+                        parts.put((seen, part))
+                finally:
+                    if next(looked) == len(pieces):  # nothing more will come
+                        for _ in range(threads):
+                            parts.put(None)
+            for seen, part in iter(parts.get, None):
+                self._draw_blocks(cloud, view, thread, seen, part)
+
+        if pieces:
+            share(draw, threads)
+
+    def _draw_rounds(self, cloud: _Cloud, view: int, keys: Any) -> None:
+        """Draw with all threads, list after list."""
+        in_view = self._cull(cloud, view, 0, (0, cloud.groups))
+        for seen, count in self._rounds(cloud, view, keys, in_view):
+            parts = Shared(pieces_of(count, count // PART_BLOCKS + 1))
+
+            def draw(thread: int, seen: Any = seen, parts: Iterable[Any] = parts) -> None:
+                for part in parts:
+                    self._draw_blocks(cloud, view, thread, seen, part)
+
+            share(draw, self._threads)
 
     def _rounds(
-        self, kernels: _Kernels, points: Points, view: int, in_view: tuple[Any, int]
+        self, cloud: _Cloud, view: int, keys: Any, in_view: tuple[Any, int]
     ) -> Iterable[tuple[Any, int]]:
-        """Lists of blocks to draw one after the other, and their lengths."""
-        if kernels.occlusion is None:
+        """Lists of blocks to draw one after the other into buffers, and their lengths."""
+        if not cloud.hides:
             return [in_view]
-        return kernels.occlusion.rounds(points.arrays, view, *in_view)
-
-    def _cull_together(self, kernels: _Kernels, points: Points, view: int) -> tuple[Any, int]:
-        """The same as `_cull` of all groups, with all threads."""
-        pieces = _pieces(-(-points.whole_blocks // GROUP), self._threads)
-        if kernels.cull is None or not pieces:
-            return self._nothing, points.whole_blocks
-
-        def cull(thread: int) -> list[Any]:
-            parts = pieces[thread : thread + 1]
-            lists = [self._cull(kernels, points, view, thread, part) for part in parts]
-            return [seen.numpy()[:count] for seen, count in lists]
-
-        seen = np.concatenate([part for parts in self._share(cull) for part in parts] + [[0]])
-        return wp.array(seen, dtype=wp.int32, device=self._device), len(seen) - 1
+        occlusion: Occlusion = cloud.kernels.occlusion
+        return occlusion.rounds(cloud.points.arrays, view, keys, *in_view)
 
     def _cull(
-        self, kernels: _Kernels, points: Points, view: int, buffer: int, groups: tuple[int, int]
+        self, cloud: _Cloud, view: int, thread: int, groups: tuple[int, int]
     ) -> tuple[Any, int]:
         """Which blocks of some groups a view may see; counts the points of the others."""
-        if kernels.cull is None or not points.whole_blocks:
-            return self._nothing, points.whole_blocks
+        if cloud.kernels.cull is None or not cloud.blocks:
+            return self._nothing, cloud.blocks
         first, end = groups
-        seen = arrays.zeros((end - first) * GROUP, wp.int32, self._device)
-        length = arrays.zeros(1, wp.int32, self._device)
+        seen = arrays.zeros((end - first) * GROUP + 1, wp.int32, self._device)
         wp.launch(
-            kernels.cull,
+            cloud.kernels.cull,
             dim=1,
             inputs=[
                 self._views.arrays[0],
                 view,
-                points.arrays,
-                *points.block_arrays[:3],
+                cloud.points.arrays,
+                *cloud.arrays[:3],
                 first,
                 end - first,
-                points.count,
+                cloud.points.count,
             ],
-            outputs=[seen, length, self._buffers[buffer][view][1]],
+            outputs=[seen, self._buffers[thread].counts[view]],
             device=self._device,
         )
-        return seen, int(length.numpy()[0])
+        return seen, int(seen.numpy()[-1])
 
     def _draw_blocks(
-        self,
-        kernels: _Kernels,
-        points: Points,
-        view: int,
-        buffer: int,
-        seen: Any,
-        part: tuple[int, int],
+        self, cloud: _Cloud, view: int, thread: int, seen: Any, part: tuple[int, int]
     ) -> None:
         """Draw blocks, or entries of the list `seen`, from the first to before the second."""
         first, end = part
         if end > first:
+            buffer = self._buffers[thread]
             wp.launch(
-                kernels.blocks,
+                cloud.kernels.blocks,
                 dim=end - first,
                 inputs=[
                     *self._views.arrays,
                     view,
-                    *points.block_arrays,
+                    *cloud.arrays,
                     seen,
                     first,
-                    points.count,
+                    cloud.points.count,
                 ],
-                outputs=[*self._buffers[buffer][view]],
+                outputs=[buffer.keys, buffer.counts[view]],
                 device=self._device,
             )
 
-    def _draw_rest(self, kernels: _Kernels, points: Points) -> None:
-        """Draw the points behind the whole blocks, one by one, into all views."""
-        first = points.whole_blocks * BLOCK
-        if points.count > first:
+    def _draw_rest(self, cloud: _Cloud, view: int, thread: int) -> None:
+        """Draw the points behind the whole blocks, one by one."""
+        first = cloud.blocks * BLOCK
+        if cloud.points.count > first:
+            views, lenses, tables = self._views.arrays
+            only = slice(view, view + 1)
             wp.launch(
-                kernels.points,
-                dim=(self._views.count, points.count - first),
-                inputs=[*self._views.arrays, points.arrays, first],
-                outputs=[self._keys[0], self._counts[0]],
+                cloud.kernels.points,
+                dim=(1, cloud.points.count - first),
+                inputs=[views[only], lenses[only], tables, cloud.points.arrays, first],
+                outputs=[self._keys[thread : thread + 1], self._counts[thread, only]],
                 device=self._device,
             )
 
-    def _resolve_parts(
-        self, parts: Iterable[tuple[int, int, int]], thread: int, maps: tuple[Any, ...]
+    def _resolve(
+        self, view: int, thread: int, keys: Any, part: tuple[int, int], maps: tuple[Any, ...]
     ) -> None:
-        """Bring the smallest keys of all threads together and resolve them, part by part."""
-        merge, resolve = (
-            (resolving.merge_blocks, resolving.resolve_blocks)
-            if self._with_index
-            else (resolving.merge_depth_blocks, resolving.resolve_depth_blocks)
+        """Write the smallest keys of some blocks of pixels, and empty the buffers there."""
+        first, end = part
+        wp.launch(
+            resolving.resolve_blocks if self._with_index else resolving.resolve_depth_blocks,
+            dim=end - first,
+            inputs=[first, self._pixels],
+            outputs=[keys, *(array[view] for array in maps), self._buffers[thread].counts[view]],
+            device=self._device,
         )
-        nearest = self._buffers[0]
-        whole = self._pixels // resolving.BLOCK
-        counted = self._buffers[thread if len(self._buffers) > 1 else 0]
-        for view, first, end in parts:
-            for other in self._buffers[1 : self._used]:
-                wp.launch(
-                    merge,
-                    dim=end - first,
-                    inputs=[other[view][0], first],
-                    outputs=[nearest[view][0]],
-                    device=self._device,
-                )
-            if min(end, whole) > first:
-                wp.launch(
-                    resolve,
-                    dim=min(end, whole) - first,
-                    inputs=[nearest[view][0], first],
-                    outputs=[*(array[view] for array in maps), counted[view][1]],
-                    device=self._device,
-                )
 
     def _kernels(self, source: PointSource) -> _Kernels:
         """The kernels for a kind of cloud, loaded once."""
@@ -286,7 +264,7 @@ class CpuSplatter:
                 splat.splat_kernel(config),
                 splat_blocks.block_kernel(config),
                 cull_blocks.cull_kernel(config) if is_prepared else None,
-                Occlusion(self._views, config, self._keys, self._device)
+                Occlusion(self._views, config, self._device)
                 if is_prepared and config.lens.bounds is not None
                 else None,
             )
@@ -295,10 +273,12 @@ class CpuSplatter:
             self._loaded[source] = kernels
         return self._loaded[source]
 
-    def _share(self, work: Callable[[int], Any]) -> list[Any]:
-        """Let every thread do its work, and wait for all of them."""
-        pool = thread_pool(self._threads)
-        return [done.result() for done in [pool.submit(work, t) for t in range(self._threads)]]
+
+class _Buffer:
+    """Keys of one view, shape (cells,), and counts of each view that a thread draws."""
+
+    def __init__(self, keys: Any, counts: Any) -> None:
+        self.keys, self.counts = keys, [counts[view] for view in range(counts.shape[0])]
 
 
 @dataclass(frozen=True)
@@ -308,24 +288,18 @@ class _Kernels:
     points: Any
     blocks: Any
     cull: Any
-    occlusion: Occlusion | None
+    occlusion: Any
+
+    def hides(self, points: Points) -> bool:
+        """Whether it may pay to ask which blocks are hidden."""
+        return self.occlusion is not None and self.occlusion.may_pay(points.whole_blocks)
 
 
-def _pieces(count: int, pieces: int) -> list[tuple[int, int]]:
-    """From 0 to `count` in pieces of nearly one size: first, and end."""
-    bounds = [count * piece // pieces for piece in range(pieces + 1)]
-    return [(first, end) for first, end in zip(bounds, bounds[1:], strict=False) if end > first]
+class _Cloud:
+    """Points, the kernels for them, and whether it may pay to ask which blocks are hidden."""
 
-
-class _Shared:
-    """An iterator from which several threads take."""
-
-    def __init__(self, items: Iterable[Any]) -> None:
-        self._items, self._lock = iter(items), threading.Lock()
-
-    def __iter__(self) -> Iterator[Any]:
-        return self
-
-    def __next__(self) -> Any:
-        with self._lock:
-            return next(self._items)
+    def __init__(self, kernels: _Kernels, points: Points, hides: bool) -> None:
+        self.kernels, self.points, self.hides = kernels, points, hides
+        self.arrays = points.block_arrays
+        self.blocks = points.whole_blocks
+        self.groups = -(-self.blocks // GROUP)

@@ -57,6 +57,11 @@ class CudaSplatter:
         self._lengths = arrays.empty(views.count, wp.int32, self._device)
         self._loaded: dict[PointSource, tuple[Any, Any, int]] = {}
 
+    def render(self, points: Points, *maps: Any) -> None:
+        """Draw a cloud and write depth, index if there is one, and state, shape (V, pixels)."""
+        self.draw(points)
+        self.resolve(*maps)
+
     def draw(self, points: Points) -> None:
         """Clear keys and counts, and draw a cloud."""
         self._keys.fill_(splat.EMPTY_KEY if self._with_index else splat.EMPTY_DEPTH)

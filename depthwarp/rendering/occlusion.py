@@ -29,41 +29,53 @@ class Occlusion:
     Args:
         views: The views.
         config: What the splat of these views is compiled for; its lens has `bounds`.
-        keys: Key buffers of all views, shape (buffers, V, cells).
         device: Warp's CPU.
     """
 
-    def __init__(self, views: DeviceViews, config: SplatConfig, keys: Any, device: Any) -> None:
-        self._views, self._keys, self._device = views, keys, device
+    def __init__(self, views: DeviceViews, config: SplatConfig, device: Any) -> None:
+        self._views, self._device = views, device
         width, height = views.size
         self._tiles = -(-height // occlusion.TILE), -(-width // occlusion.TILE)
         self._config = config
         self._kernels: list[Any] = []
 
-    def rounds(self, source: Any, view: int, seen: Any, count: int) -> Iterator[tuple[Any, int]]:
+    def may_pay(self, blocks: int) -> bool:
+        """Whether a cloud of so many blocks is worth asking; the kernels are loaded then."""
+        if not self._is_dense(blocks):
+            return False
+        self._load()
+        return True
+
+    def rounds(
+        self, source: Any, view: int, keys: Any, seen: Any, count: int
+    ) -> Iterator[tuple[Any, int]]:
         """Lists of blocks to draw and their lengths; each has to be drawn before the next is asked.
 
         Args:
             source: The cloud's struct.
             view: Number of the view.
+            keys: Buffers that the blocks are drawn into, shape (buffers, cells).
             seen: Blocks in view, as `cull_blocks` lists them.
             count: Their number.
         """
-        width, height = self._views.size
-        if count * BLOCK < DENSE * width * height:
+        if not self._is_dense(count):
             yield seen, count
             return
-        self._load()
         seen, near = self._by_rounds(source, view, seen, count)
         bounds = [round(count * share) for share in ROUNDS]
         for first, end in zip(bounds, bounds[1:], strict=False):
             if first == 0:
                 yield seen, end
             else:
-                yield self._without_hidden(source, view, seen, near, first, end)
+                yield self._without_hidden(source, view, keys, seen, near, first, end)
+
+    def _is_dense(self, blocks: int) -> bool:
+        """Whether so many blocks in view are enough points a pixel."""
+        width, height = self._views.size
+        return blocks * BLOCK >= DENSE * width * height
 
     def _load(self) -> None:
-        """Look the kernels up, the first time that a view is dense enough."""
+        """Look the kernels up, the first time that a cloud is large enough."""
         if self._kernels:
             return
         self._kernels = [
@@ -96,7 +108,7 @@ class Occlusion:
         )
 
     def _without_hidden(
-        self, source: Any, view: int, seen: Any, near: Any, first: int, end: int
+        self, source: Any, view: int, keys: Any, seen: Any, near: Any, first: int, end: int
     ) -> tuple[Any, int]:
         """Blocks of a part of the list that may still win a pixel, and their number."""
         width, height = self._views.size
@@ -104,7 +116,7 @@ class Occlusion:
         wp.launch(
             self._kernels[1],
             dim=self._tiles,
-            inputs=[self._keys[:, view], width, height],
+            inputs=[keys, width, height],
             outputs=[farthest],
             device=self._device,
         )

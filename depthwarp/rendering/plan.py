@@ -22,7 +22,6 @@ from depthwarp.rendering.views import ViewPlan
 __all__ = ["MAP_BYTES", "RenderPlan"]
 
 MAP_BYTES = 8 + 4 + 4 + 1  # a pixel: key, depth, index, state
-DEPTH_BYTES = 4 + 4 + 1  # the same without an index
 
 
 class RenderPlan(LookingPlan):
@@ -56,14 +55,12 @@ class RenderPlan(LookingPlan):
         width, height = self._views.size
         shape = (len(views), height, width)
         with_index = with_index or bool(config.filters)
-        key_bytes = 8 if with_index else 4
+        map_bytes = sum((4, 4, 1) if with_index else (4, 1))
+        map_bytes += sum(step.scratch_bytes for step in config.filters)
         buffers = buffer_count(len(views), device, threads)
-        pixel_bytes = MAP_BYTES if with_index else DEPTH_BYTES
-        pixel_bytes += key_bytes * (buffers - 1)
-        pixel_bytes += sum(step.scratch_bytes for step in config.filters)
         check_memory(
             f"a depth map of {width} x {height} pixels",
-            len(views) * height * width * pixel_bytes,
+            height * width * (len(views) * map_bytes + buffers * (8 if with_index else 4)),
             device,
             "choose a smaller size, or a larger q_depth_map",
         )
@@ -95,10 +92,8 @@ class RenderPlan(LookingPlan):
             cloud: Points [m], `wp.array` of `wp.vec3f`, shape (N,), or a `PreparedCloud`; on the
                 plan's device.
         """
-        splatter = self._splatter
         points = points_of(cloud)
-        splatter.draw(points)
-        splatter.resolve(*self._flat)
+        self._splatter.render(points, *self._flat)
         for step in self._filters:
             step()
         self._points = points

@@ -18,11 +18,10 @@ __all__ = ["buffer_count", "splatter_of"]
 
 
 def buffer_count(views: int, device: Any, threads: int | None = None) -> int:
-    """Key buffers of a view: one a thread, unless there are views enough for one a thread."""
+    """Key buffers: one a view on CUDA, one a thread on a CPU, None for all usable cores."""
     if device.is_cuda:
-        return 1
-    count = usable_cores() if threads is None else threads
-    return 1 if views >= count else count
+        return views
+    return usable_cores() if threads is None else threads
 
 
 def splatter_of(
@@ -45,6 +44,5 @@ def splatter_of(
         config,
         device,
         with_index=with_index,
-        threads=usable_cores() if threads is None else threads,
-        buffers=buffer_count(views.count, device, threads),
+        threads=buffer_count(views.count, device, threads),
     )

@@ -49,7 +49,7 @@ def cull_kernel(config: SplatConfig):
     """Kernel, for one thread, that lists the blocks a view may see and counts the others' points.
 
     They are those of `groups` groups of blocks from `first` on; the cloud holds `count` points. A
-    block b of which every point is drawn is listed as -1 - b.
+    block b of which every point is drawn is listed as -1 - b. The list's last place has its length.
     """
     Source = config.source.struct
     sphere_of, group_of = config.source.sphere_of, config.source.group_of
@@ -80,7 +80,6 @@ def cull_kernel(config: SplatConfig):
         count: wp.int32,
         # Out:
         seen_out: wp.array[wp.int32],
-        length_out: wp.array[wp.int32],
         counts_out: wp.array[wp.int64],
     ):
         view = views[v]
@@ -127,7 +126,7 @@ def cull_kernel(config: SplatConfig):
                             )
                     behind += held - ahead
                     outside += ahead
-        length_out[0] = length
+        seen_out[seen_out.shape[0] - 1] = length
         counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(behind)
         counts_out[OUTSIDE] = counts_out[OUTSIDE] + wp.int64(outside)
 

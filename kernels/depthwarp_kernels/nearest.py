@@ -24,6 +24,9 @@ def loop_over_block(key_type: str, key: str, **fetched: str):
         f"__builtin_prefetch({array}.data + {begin} + k);" for array, begin in fetched.items()
     )
     return f"""
+        for (int k = 0; k < {BLOCK}; k += 3) {{
+            __builtin_prefetch(keys_out.data + cells.data[k], 1);
+        }}
         for (int k = 0; k < {BLOCK}; ++k) {{
             const uint32_t depth = reinterpret_cast<const uint32_t*>(depths.data)[k];
             const {key_type} key = {key};

@@ -145,6 +145,7 @@ def block_kernel(config: SplatConfig):
         outside = int(0)
         too_far = int(0)
         too_near = int(0)
+        drawn = int(0)
         for k in range(wp.static(BLOCK)):
             if wp.static(is_apart):
                 point = wp.vec3f(x[begin + k], y[begin + k], z[begin + k])
@@ -162,7 +163,9 @@ def block_kernel(config: SplatConfig):
             cell = wp.int32(pixel[1]) * view.width + wp.int32(pixel[0])
             cells[k] = wp.where(why == DRAWN, cell, nowhere + (k & (SPARE_CELLS - 1)))
             depths[k] = depth
-        keep(cells, depths, x, y, z, original, begin, next, next_second, keys_out)
+            drawn += wp.where(why == DRAWN, 1, 0)
+        if drawn > 0:
+            keep(cells, depths, x, y, z, original, begin, next, next_second, keys_out)
         counts_out[NOT_FINITE] = counts_out[NOT_FINITE] + wp.int64(not_finite)
         counts_out[BEHIND] = counts_out[BEHIND] + wp.int64(behind)
         counts_out[OUTSIDE] = counts_out[OUTSIDE] + wp.int64(outside)

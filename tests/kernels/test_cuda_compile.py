@@ -29,7 +29,6 @@ FAMILIES = {
     "lzf",
     "poses",
     "prepare",
-    "resolve",
     "segment",
     "sim_noise",
     "sim_winners",

@@ -9,7 +9,7 @@ import warp as wp
 from depthwarp.rendering.cuda_splatting import CudaSplatter
 from depthwarp.rendering.points import Points
 from depthwarp.rendering.views import DeviceViews
-from depthwarp_kernels import resolve, splat
+from depthwarp_kernels import splat
 from tests.kernels.scenes import CULLED, SCENES, cloud_of, points_world, views_of
 
 SIZES = (0, 1, 511, 513, 5000)
@@ -93,23 +93,20 @@ def test_resolved_maps_are_those_of_single_pixels(device, pixels):
     keys[rng.random(keys.shape) < 0.3] = splat.EMPTY_KEY
     views, config = views_of("pinhole", device)
     on_device = wp.array(keys, dtype=wp.uint64, device=device)
-    results = []
-    for own in (True, False):
-        maps = [
-            wp.full((3, pixels), 9, dtype=dtype, device=device)
-            for dtype in (wp.float32, wp.int32, wp.uint8)
-        ]
-        counts = wp.zeros((3, splat.COUNT_COLUMNS), dtype=wp.int64, device=device)
-        if own:
-            CudaSplatter(views, config.depth, on_device, counts, 1).resolve(*maps)
-        else:
-            outputs = [*maps, counts]
-            wp.launch(
-                resolve.resolve, (3, pixels), inputs=[on_device, 0], outputs=outputs, device=device
-            )
-        results.append([array.numpy() for array in (*maps, counts)])
-    for ours, theirs in zip(*results, strict=True):
-        np.testing.assert_array_equal(ours.view(np.uint8), theirs.view(np.uint8))
+    maps = [
+        wp.full((3, pixels), 9, dtype=dtype, device=device)
+        for dtype in (wp.float32, wp.int32, wp.uint8)
+    ]
+    counts = wp.zeros((3, splat.COUNT_COLUMNS), dtype=wp.int64, device=device)
+    CudaSplatter(views, config.depth, on_device, counts, 1).resolve(*maps)
+    is_empty = keys == splat.EMPTY_KEY
+    depth, index, state = (array.numpy() for array in maps)
+    depth_bits = np.where(is_empty, 0, keys >> np.uint64(32)).astype(np.uint32)
+    np.testing.assert_array_equal(depth.view(np.uint32), depth_bits)
+    np.testing.assert_array_equal(index.view(np.uint32), keys.astype(np.uint32))
+    np.testing.assert_array_equal(state, ~is_empty)
+    np.testing.assert_array_equal(counts.numpy()[:, splat.DRAWN], (~is_empty).sum(axis=1))
+    assert counts.numpy().sum() == (~is_empty).sum()
 
 
 @pytest.mark.parametrize("prepared", [False, True], ids=["plain", "prepared"])

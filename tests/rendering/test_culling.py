@@ -188,8 +188,7 @@ def seen_blocks(
     """Blocks that the CPU's cull kernel lists for a view, and what it counts of the others."""
     config = RenderConfig(depth)
     views, points = DeviceViews([ViewPlan(camera)], config, chunks.device), points_of(chunks)
-    seen = wp.zeros(chunks.blocks, dtype=wp.int32, device=chunks.device)
-    length = wp.zeros(1, dtype=wp.int32, device=chunks.device)
+    seen = wp.zeros(chunks.blocks + 1, dtype=wp.int32, device=chunks.device)
     counts = wp.zeros(COUNT_COLUMNS, dtype=wp.int64, device=chunks.device)
     wp.launch(
         cull_blocks.cull_kernel(SplatConfig(points.source, views.model, depth, False)),
@@ -199,10 +198,10 @@ def seen_blocks(
             *points.block_arrays[:3],
             *(0, -(-chunks.blocks // GROUP), points.count),
         ],
-        outputs=[seen, length, counts],
+        outputs=[seen, counts],
         device=chunks.device,
     )
-    return seen.numpy()[: int(length.numpy()[0])], counts.numpy()
+    return seen.numpy()[: int(seen.numpy()[-1])], counts.numpy()
 
 
 @pytest.fixture(scope="module")

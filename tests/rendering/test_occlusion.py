@@ -34,9 +34,9 @@ def drawn(monkeypatch) -> list[int]:
     lengths: list[int] = []
     rounds = occlusion.Occlusion.rounds
 
-    def counted(self, source, view, seen, count):
+    def counted(self, source, view, keys, seen, count):
         lengths.append(-count)
-        for left, length in rounds(self, source, view, seen, count):
+        for left, length in rounds(self, source, view, keys, seen, count):
             lengths.append(length)
             yield left, length
 
@@ -88,11 +88,26 @@ def test_holes_show_what_is_behind(drawn):
     assert 8.5 < ours.depth[20, 24] < 9.5
 
 
-def test_a_view_of_few_points_is_drawn_at_once(drawn):
-    """Less than `DENSE` points a pixel: one list, all of it."""
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_cloud_of_few_points_is_drawn_at_once(drawn, threads):
+    """Less than `DENSE` points a pixel: nobody asks what is hidden."""
     chunks = dw.PointCloud(walls(300_000)).prepare(device="cpu")
-    dw.render(chunks, dw.PinholeCamera.from_fov((60, 50), (480, 400)), device="cpu")
-    assert len(drawn) == 2 and sum(drawn) == 0
+    camera = dw.PinholeCamera.from_fov((60, 50), (480, 400))
+    plan = RenderPlan([ViewPlan(camera)], RenderConfig(), CPU, threads=threads)
+    plan.render(chunks)
+    assert drawn == [] and plan.stats()[0].drawn > 10_000
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_view_of_few_points_is_drawn_at_once(drawn, threads):
+    """A dense cloud, of which a camera sees the least part: one list, all of it."""
+    chunks = dw.PointCloud(walls(300_000)).prepare(device="cpu")
+    camera = dw.PinholeCamera.from_fov((60, 50), (90, 75), orientation=(0, 0, 60))
+    plan = RenderPlan([ViewPlan(camera)], RenderConfig(), CPU, threads=threads)
+    plan.render(chunks)
+    assert len(drawn) == 2 and sum(drawn) == 0 and plan.stats()[0].drawn > 100
+    plain = dw.PointCloud(chunks.points_world())
+    assert_same_map(plan.depth_maps()[0], dw.render(plain, camera, device="cpu"))
 
 
 @wp.kernel
