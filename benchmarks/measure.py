@@ -20,6 +20,9 @@ __all__ = ["Timing", "alternate", "machine", "read_bandwidth", "run_once"]
 PAUSE_S = 0.05
 """Before each run: the worker threads of the peer that ran last go on spinning for a while."""
 
+WARM_S = 0.02
+"""Of untimed runs before each timed one, at least one: in a pause caches cool and cores sleep."""
+
 READ_BYTES = 512 * 2**20
 READ_REPEATS = 7
 
@@ -56,14 +59,24 @@ def run_once(run: Callable[[], None]) -> tuple[float, float]:
 def alternate(runs: Sequence[Callable[[], None]], repeats: int) -> list[Timing]:
     """Time all runs in turn, A B C A B C ..., so that a slow spell of the machine meets them all.
 
-    Each is expected to be warm, and to return only when its work is done.
+    Each run is one in a loop: right before it the same thing runs untimed. It has to return only
+    when its work is done.
     """
     times: list[list[tuple[float, float]]] = [[] for _ in runs]
     for _ in range(repeats):
         for run, own in zip(runs, times, strict=True):
             time.sleep(PAUSE_S)
+            _warm(run)
             own.append(run_once(run))
     return [Timing(*zip(*own, strict=True)) for own in times]
+
+
+def _warm(run: Callable[[], None]) -> None:
+    """Run untimed, once or until `WARM_S` have gone by."""
+    end = time.perf_counter() + WARM_S
+    run()
+    while time.perf_counter() < end:
+        run()
 
 
 def read_bandwidth(threads: int = 1) -> float:
