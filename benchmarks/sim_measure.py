@@ -29,6 +29,9 @@ MOST_STEPS, LEAST_REPEATS, MOST_REPEATS = 500, 3, 31
 WATCHED_STEPS = 100
 FIRST_SCENE = SimScene(2, 16, 100)
 
+LEAST_DRAWN = 0.05
+"""Share of the pixels that points are in; the room's fill more."""
+
 OFF_SURFACE = 0.01
 """Share by which a point's depth may leave those of the mesh in its pixel and the ones around."""
 
@@ -190,6 +193,12 @@ def _of_one(timing: Timing, steps: int) -> Timing:
 def _differing_pixels(peers: Sequence[SimPeer]) -> list[int]:
     """Pixels that are not as the sensor's, the first peer's."""
     reference = peers[0].images()
+    drawn = np.count_nonzero(reference)
+    if drawn < LEAST_DRAWN * reference.size:
+        raise DifferentImageError(
+            f"{peers[0].name} drew {drawn} of {reference.size} pixels, too few to compare with: "
+            f"the scene fills at least {LEAST_DRAWN:.0%}"
+        )
     differing = []
     for peer in peers:
         images = peer.images()

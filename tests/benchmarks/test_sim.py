@@ -84,6 +84,13 @@ def test_a_surface_tells_where_a_point_may_be():
     assert count_off_surface(points, surface) == 2
 
 
+def test_a_sensor_that_draws_nothing_is_no_peer(monkeypatch):
+    """Against rays alone, empty images have no pixel off the surface: they are refused."""
+    monkeypatch.setattr(sim_measure, "LEAST_DRAWN", 0.9)  # more than the points of the scene fill
+    with pytest.raises(DifferentImageError, match=r"drew \d+ of 768 pixels, too few to compare"):
+        measure_scene(SMALL, "cpu", 0.1)
+
+
 def test_every_peer_draws_the_same_work(capsys):
     """Peers of a scene, each timed; the sensor's buffers, and a loop that allocates nothing."""
     measured = measure_scene(SMALL, "cpu", 0.1)

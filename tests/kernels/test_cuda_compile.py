@@ -13,6 +13,7 @@ import warp as wp
 from depthwarp_kernels import ragged_shared, splat_cuda
 from depthwarp_kernels.point_source import PREPARED
 from depthwarp_kernels.ragged_shared import MOST_PIXELS
+from depthwarp_kernels.sim_compose import compose_kernel
 from depthwarp_kernels.splat import COUNT_COLUMNS, splat_kernel
 from tests.kernels.compile_families import ROUNDING, ptx_of
 from tests.kernels.scenes import CULLED, SCENES, splat_configs
@@ -83,6 +84,16 @@ def test_listing_chunks_costs_atomics_by_the_warp(scene, architecture, tmp_path)
     assert_plain_arithmetic(ptx)
     # The compiler may write the threads' loop twice.
     assert len(re.findall(r"\b(?:atom|red)\.", ptx)) in (3, 6)
+
+
+@pytest.mark.parametrize("outputs", [{"depth"}, {"depth", "index", "state"}])
+def test_composing_reads_and_writes_what_is_asked_for(outputs, architecture, tmp_path):
+    """The other renderer's depth and its own maps; nothing is written but the outputs."""
+    ptx = ptx_of(compose_kernel(frozenset(outputs)).module, architecture, tmp_path)
+    assert_plain_arithmetic(ptx)
+    written = {"depth": "f32", "index": "u32", "state": "u8"}
+    stores = set(re.findall(r"\bst\.global\.(\w+)", ptx))
+    assert len(stores) == len(outputs) and written["depth"] in stores
 
 
 @pytest.mark.parametrize("architecture", [80, 90])
