@@ -18,17 +18,20 @@ __all__ = ["PlaneFill"]
 class PlaneFill:
     """Layered plane fill: an empty pixel takes the nearest surface that surrounds it.
 
-    The four pixels of a block of 2 x 2 share what follows. Samples are the pixels whose reach, 1.5
-    times their own spacing S (see `SurroundErase`), covers the block's middle; of every area of 1
-    to 16 px a side only the nearest pixel is looked at, from small areas to large ones until there
-    are 4 samples. A layer is the nearest sample and all within 0.03 m + 4 d g behind it, d px from
-    it, g the metres between neighbouring pixels there. If its directions leave no run of more than
-    8 of 16 sectors empty, a plane 1/z = a + b u + c v is fitted with weights 1 / (d^2 + 0.25 px^2),
-    and its depth, kept within those of the samples, is written as FILLED. If not, the next deeper
-    layer is tried, of three. What none surrounds takes the sample nearest in the image as
-    FILLED_BORDER. The index is that of the layer's pixel nearest in the image. Isolated pixels are
-    no samples. Images of a full turn go round. The numbers were chosen on simulated scans of
-    analytic scenes, see `benchmarks/quality`.
+    Samples of a block of pixels are those whose reach, 1.5 times their own spacing S (see
+    `SurroundErase`), covers its middle; of every area of 1 to 16 px a side only the nearest pixel
+    is looked at, from small areas to large ones until there are 4 samples. A layer is the nearest
+    sample and all within 0.03 m + 4 d g behind it, d px from it, g the metres between neighbouring
+    pixels there. If its directions leave no run of more than 16 of 32 sectors empty, a plane
+    1/z = a + b u + c v is fitted with weights 1 / (d^2 + 0.25 px^2), and its depth, kept within
+    those of the samples, is written as FILLED. If not, the next deeper layer is tried, of three.
+    What none surrounds takes the depth of the sample nearest in the image, as FILLED_BORDER. The
+    index is that of the layer's pixel nearest in the image.
+
+    A block of 4 x 4 is filled as one where all its samples, which reach 1.5 px farther then, are
+    one layer that surrounds it; depths are kept within half the layer's thickness of it. Else each
+    2 x 2 of it is filled by itself. Isolated pixels are no samples. Images of a full turn go round.
+    The numbers were chosen on simulated scans of analytic scenes, see `benchmarks/quality`.
     """
 
     scratch_bytes = PYRAMID_BYTES
@@ -37,7 +40,7 @@ class PlaneFill:
         """Allocate the pyramid and return the step; see `Filter.build`."""
         pyramid = Pyramid(maps)
         _, rows, columns = maps.depth.shape
-        blocks = -(-rows // 2), -(-columns // 2)
+        blocks = -(-rows // 4), -(-columns // 4)
         fill = row_launch(
             fill_planes,
             maps,

@@ -31,6 +31,7 @@ class Pyramid:
     Attributes:
         spacing: Own-layer spacing S [px], shape (V, H, W), uint8: 0 = empty, 33 = none found.
         limit: Spacing above which a pixel is isolated, by view, shape (V,), int32.
+        words: Which pixels were there, 32 a word, shape (V, H, words), uint32.
         cells: All levels, one after the other, row by row, shape (V, cells), uint64.
     """
 
@@ -46,7 +47,9 @@ class Pyramid:
         firsts = [sum(r * c for r, c in sizes[:level]) for level in range(len(sizes))]
         self.cells = arrays.empty((views, sum(r * c for r, c in sizes)), wp.uint64, device)
 
-        words = arrays.empty((views, rows, -(-columns // spacings.WORD)), wp.uint32, device)
+        words = self.words = arrays.empty(
+            (views, rows, -(-columns // spacings.WORD)), wp.uint32, device
+        )
         runs = rows, -(-columns // spacings.RUN)
         maps_read = [depth, maps.state]
         self._steps = [

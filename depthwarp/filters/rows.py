@@ -9,14 +9,14 @@ import warp as wp
 
 from depthwarp.devices import usable_cores
 from depthwarp.filters.maps import DeviceMaps
-from depthwarp.threads import thread_pool
+from depthwarp.threads import Shared, share
 
 __all__ = ["row_launch"]
 
-PARTS_A_THREAD = 4
+PARTS_A_THREAD = 16
 """Parts that a thread takes one after the other, so that none waits long for the last."""
 
-LEAST_PIXELS = 1 << 14
+LEAST_PIXELS = 1 << 12
 """Pixels of a part below which handing it to a thread costs more than it saves."""
 
 
@@ -39,13 +39,13 @@ def row_launch(
         outputs: What it writes.
         size: (rows, columns) of a view that it runs over; those of the maps when None.
     """
-    device, threads = maps.depth.device, maps.threads
+    device = maps.depth.device
+    threads = usable_cores() if maps.threads is None else maps.threads
     views, *image = maps.depth.shape
     rows, columns = image if size is None else size
     rows *= views
     count = 1
     if not device.is_cuda:
-        threads = usable_cores() if threads is None else threads
         most = max(rows * columns // LEAST_PIXELS, 1)
         count = 1 if threads == 1 else min(threads * PARTS_A_THREAD, most, rows)
     firsts = [rows * part // count for part in range(count + 1)]
@@ -69,7 +69,12 @@ def row_launch(
             for command in commands:
                 command.launch()
             return
-        for done in [thread_pool(threads).submit(command.launch) for command in commands]:
-            done.result()
+        left = Shared(commands)
+
+        def work(_thread: int) -> None:
+            for command in left:
+                command.launch()
+
+        share(work, threads)
 
     return launch

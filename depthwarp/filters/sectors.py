@@ -15,7 +15,7 @@ __all__ = ["device_sectors", "sector_of"]
 
 
 def sector_of(right: npt.ArrayLike, down: npt.ArrayLike) -> npt.NDArray[np.int64]:
-    """Sector of offsets [px]: 0 begins to the right, then on by way of downwards, 22.5 degrees."""
+    """Sector of offsets [px]: 0 begins to the right, then on by way of downwards, 11.25 degrees."""
     angle = np.arctan2(np.asarray(down, np.float64), np.asarray(right, np.float64))
     # Multiples of 45 degrees come out of arctan2 an ulp off: nudged into the sector they begin.
     turns = (angle / (2 * np.pi)) % 1.0
@@ -23,13 +23,13 @@ def sector_of(right: npt.ArrayLike, down: npt.ArrayLike) -> npt.NDArray[np.int64
 
 
 @cache
-def _sector_bits() -> npt.NDArray[np.uint16]:
+def _sector_bits() -> npt.NDArray[np.uint32]:
     offsets = np.arange(-HALF_REACH, HALF_REACH + 1)
     right, down = np.meshgrid(offsets, offsets)
-    bits = np.where((right == 0) & (down == 0), 0, 1 << sector_of(right, down))
-    return bits.ravel().astype(np.uint16)
+    bits = np.where((right == 0) & (down == 0), 0, np.int64(1) << sector_of(right, down))
+    return bits.ravel().astype(np.uint32)
 
 
 def device_sectors(device: Any) -> Any:
     """Sector bits of offsets in half pixels, row by row, on a device; no bit of no offset."""
-    return wp.array(_sector_bits(), dtype=wp.uint16, device=device)
+    return wp.array(_sector_bits(), dtype=wp.uint32, device=device)

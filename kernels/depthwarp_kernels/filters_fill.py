@@ -25,12 +25,15 @@ STATE_FILLED_BORDER = wp.constant(wp.uint8(4))
 MOST_LAYERS = wp.constant(3)
 """Layers that are tried, from the nearest on."""
 
-FILL_EMPTY = wp.constant(8)
-"""Longest run of empty sectors of 16 of a layer that surrounds a pixel."""
+FILL_EMPTY = wp.constant(16)
+"""Longest run of empty sectors of 32 of a layer that surrounds a pixel."""
 
 FILL_MARGIN = wp.constant(wp.float32(0.03))
 FILL_SLOPE = wp.constant(wp.float32(4.0))
 """A layer holds what lies within 0.03 m + 4 d pitch behind its nearest sample, d px from it."""
+
+WIDER_REACH = wp.constant(3)
+"""Half pixels more of reach round a whole block: what reaches one of its quarters reaches it."""
 
 NO_DEPTH = wp.constant(wp.float32(3.0e38))
 
@@ -39,14 +42,13 @@ NO_DEPTH = wp.constant(wp.float32(3.0e38))
 class Layer:
     """Samples of one surface: sectors and members as bits, depths from near to far, the closest."""
 
-    sectors: wp.int32
+    sectors: wp.uint32
     near: wp.float32
     far: wp.float32
     closest: wp.int32
     members: wp.uint64
 
 
-# Which of its pixels are empty, as bits: row by row.
 @wp.func
 def empty_of_block(
     depth: wp.array3d[wp.float32],
@@ -55,11 +57,11 @@ def empty_of_block(
     top: wp.int32,
     left: wp.int32,
 ):
-    """The empty pixels of a block of 2 x 2, as bits."""
+    """The empty pixels of a block of 4 x 4, as bits, row by row."""
     empty = int(0)
-    for k in range(4):
-        row = top + k // 2
-        column = left + k % 2
+    for k in range(16):
+        row = top + k // 4
+        column = left + k % 4
         if row < depth.shape[1] and column < depth.shape[2]:
             if not is_present(depth[v, row, column], state[v, row, column]):
                 empty = empty | (1 << k)
@@ -74,7 +76,7 @@ def layer_behind(
     down: wp.array[wp.int32],
     count: wp.int32,
     grid: PixelGrid,
-    sector_bits: wp.array[wp.uint16],
+    sector_bits: wp.array[wp.uint32],
 ):
     """The nearest layer all of which is farther than a depth; `closest` is -1 without one."""
     layer = Layer()
@@ -105,15 +107,129 @@ def layer_behind(
     return layer
 
 
-# The four pixels of a block share their samples and their plane: of the first layer, from the
-# nearest on, whose samples surround the block's middle. Else the closest sample, as at a border.
-# Launch over (rows, columns) of blocks.
+@wp.func
+def plane_through(
+    layer: Layer,
+    depth: wp.array[wp.float32],
+    right: wp.array[wp.int32],
+    down: wp.array[wp.int32],
+    count: wp.int32,
+):
+    """The plane through the members of a layer."""
+    sums = Moments()
+    for k in range(count):
+        if (layer.members >> wp.uint64(k)) & wp.uint64(1) != wp.uint64(0):
+            sums = add_to(sums, right[k], down[k], depth[k])
+    return plane_of(sums)
+
+
+# `empty` are bits of a row of 4; (right, down) is the pixel that gives its index, in half pixels
+# from the middle.
+@wp.func
+def write_block(
+    empty: wp.int32,
+    size: wp.int32,
+    inside: bool,
+    plane: wp.vec3f,
+    near: wp.float32,
+    far: wp.float32,
+    right: wp.int32,
+    down: wp.int32,
+    v: wp.int32,
+    top: wp.int32,
+    left: wp.int32,
+    depth_out: wp.array3d[wp.float32],
+    index_out: wp.array3d[wp.int32],
+    state_out: wp.array3d[wp.uint8],
+):
+    """Fill the empty pixels of a block: with a plane's depths, or all with one, as at a border."""
+    columns = depth_out.shape[2]
+    source = (left + ((right + size - 1) >> 1) + columns) % columns
+    index = index_out[v, top + ((down + size - 1) >> 1), source]
+    for k in range(size * size):
+        row = k // size
+        column = k % size
+        if (empty >> (4 * row + column)) & 1 != 0:
+            z = near
+            if inside:
+                z = depth_of_plane(plane, 2 * column - size + 1, 2 * row - size + 1, near, far)
+            depth_out[v, top + row, left + column] = z
+            index_out[v, top + row, left + column] = index
+            state_out[v, top + row, left + column] = wp.where(
+                inside, STATE_FILLED, STATE_FILLED_BORDER
+            )
+
+
+# The last three arrays before the maps are room for samples.
+@wp.func
+def fill_quarter(
+    empty: wp.int32,
+    v: wp.int32,
+    top: wp.int32,
+    left: wp.int32,
+    cells: wp.array2d[wp.uint64],
+    sector_bits: wp.array[wp.uint32],
+    grid: PixelGrid,
+    depth: wp.array[wp.float32],
+    right: wp.array[wp.int32],
+    down: wp.array[wp.int32],
+    depth_out: wp.array3d[wp.float32],
+    index_out: wp.array3d[wp.int32],
+    state_out: wp.array3d[wp.uint8],
+):
+    """Fill the empty pixels of a block of 2 x 2."""
+    if empty == 0:
+        return
+    rows = depth_out.shape[1]
+    columns = depth_out.shape[2]
+    count = gather_samples(cells, grid, v, top, left, 2, 0, rows, columns, depth, right, down)
+    if count == 0:
+        return
+    inside = bool(False)
+    layer = Layer()
+    for _layer in range(MOST_LAYERS):
+        layer = layer_behind(layer.far, depth, right, down, count, grid, sector_bits)
+        if layer.closest < 0:
+            break
+        if surrounds(layer.sectors, FILL_EMPTY):
+            inside = True
+            break
+    plane = wp.vec3f()
+    chosen = layer.closest
+    near = layer.near
+    if inside:
+        plane = plane_through(layer, depth, right, down, count)
+    else:
+        chosen = closest_sample(depth, right, down, count)
+        near = depth[chosen]
+    write_block(
+        empty,
+        2,
+        inside,
+        plane,
+        near,
+        layer.far,
+        right[chosen],
+        down[chosen],
+        v,
+        top,
+        left,
+        depth_out,
+        index_out,
+        state_out,
+    )
+
+
+# A block of 4 x 4 round which there is one surface alone, on all sides, takes its plane. Of another
+# each quarter has samples of its own: it takes the plane of the first layer, from the nearest on,
+# that surrounds its middle, or else one sample's depth, as at a border.
+# Launch over (rows, columns) of blocks of 4 x 4.
 @wp.kernel
 def fill_planes(
     # In:
     first_row: wp.int32,
     cells: wp.array2d[wp.uint64],
-    sector_bits: wp.array[wp.uint16],
+    sector_bits: wp.array[wp.uint32],
     grids: wp.array[PixelGrid],
     # Out:
     depth_out: wp.array3d[wp.float32],
@@ -123,9 +239,9 @@ def fill_planes(
     i, j = wp.tid()
     rows = depth_out.shape[1]
     columns = depth_out.shape[2]
-    v = (first_row + i) // ((rows + 1) // 2)
-    top = 2 * ((first_row + i) % ((rows + 1) // 2))
-    left = 2 * j
+    v = (first_row + i) // ((rows + 3) // 4)
+    top = 4 * ((first_row + i) % ((rows + 3) // 4))
+    left = 4 * j
     empty = empty_of_block(depth_out, state_out, v, top, left)
     if empty == 0:
         return
@@ -133,37 +249,45 @@ def fill_planes(
     depth = wp.zeros(shape=(wp.static(MOST_SAMPLES),), dtype=wp.float32)
     right = wp.zeros(shape=(wp.static(MOST_SAMPLES),), dtype=wp.int32)
     down = wp.zeros(shape=(wp.static(MOST_SAMPLES),), dtype=wp.int32)
-    count = gather_samples(cells, grid, v, top, left, rows, columns, depth, right, down)
+    count = gather_samples(
+        cells, grid, v, top, left, 4, WIDER_REACH, rows, columns, depth, right, down
+    )
     if count == 0:
         return
-    chosen = int(-1)
-    layer = Layer()
-    for _layer in range(MOST_LAYERS):
-        layer = layer_behind(layer.far, depth, right, down, count, grid, sector_bits)
-        if layer.closest < 0:
-            break
-        if surrounds(layer.sectors, FILL_EMPTY):
-            chosen = layer.closest
-            break
-    inside = chosen >= 0
-    plane = wp.vec3f()
-    if inside:
-        sums = Moments()
-        for k in range(count):
-            if (layer.members >> wp.uint64(k)) & wp.uint64(1) != wp.uint64(0):
-                sums = add_to(sums, right[k], down[k], depth[k])
-        plane = plane_of(sums)
-    else:
-        chosen = closest_sample(depth, right, down, count)
-    source = (left + ((right[chosen] + 1) >> 1) + columns) % columns
-    index = index_out[v, top + ((down[chosen] + 1) >> 1), source]
-    for k in range(4):
-        if (empty >> k) & 1 != 0:
-            z = depth[chosen]
-            if inside:
-                z = depth_of_plane(plane, k, layer.near, layer.far)
-            depth_out[v, top + k // 2, left + k % 2] = z
-            index_out[v, top + k // 2, left + k % 2] = index
-            state_out[v, top + k // 2, left + k % 2] = wp.where(
-                inside, STATE_FILLED, STATE_FILLED_BORDER
-            )
+    layer = layer_behind(wp.float32(0.0), depth, right, down, count, grid, sector_bits)
+    all_members = (wp.uint64(1) << wp.uint64(count)) - wp.uint64(1)
+    if layer.members == all_members and surrounds(layer.sectors, FILL_EMPTY):
+        beyond = wp.float32(0.5) * (layer.far - layer.near)  # its corners may lie outside
+        write_block(
+            empty,
+            4,
+            True,
+            plane_through(layer, depth, right, down, count),
+            wp.max(layer.near - beyond, wp.float32(0.5) * layer.near),
+            layer.far + beyond,
+            right[layer.closest],
+            down[layer.closest],
+            v,
+            top,
+            left,
+            depth_out,
+            index_out,
+            state_out,
+        )
+        return
+    for quarter in range(4):
+        fill_quarter(
+            (empty >> (8 * (quarter // 2) + 2 * (quarter % 2))) & 0x33,
+            v,
+            top + 2 * (quarter // 2),
+            left + 2 * (quarter % 2),
+            cells,
+            sector_bits,
+            grid,
+            depth,
+            right,
+            down,
+            depth_out,
+            index_out,
+            state_out,
+        )

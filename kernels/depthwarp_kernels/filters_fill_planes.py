@@ -64,10 +64,12 @@ def plane_of(m: Moments):
 
 
 @wp.func
-def depth_of_plane(plane: wp.vec3f, k: wp.int32, near: wp.float32, far: wp.float32):
-    """Of a plane about the middle of a block, at its pixel k, within the depths of its samples."""
-    x = wp.float32(k % 2) - wp.float32(0.5)
-    y = wp.float32(k // 2) - wp.float32(0.5)
+def depth_of_plane(
+    plane: wp.vec3f, right: wp.int32, down: wp.int32, near: wp.float32, far: wp.float32
+):
+    """Of a plane, at an offset in half pixels, within the depths of its samples."""
+    x = wp.float32(0.5) * wp.float32(right)
+    y = wp.float32(0.5) * wp.float32(down)
     inverse = plane[0] + plane[1] * x + plane[2] * y
     inverse = wp.clamp(inverse, wp.float32(1.0) / far, wp.float32(1.0) / near)
     return wp.clamp(wp.float32(1.0) / inverse, near, far)

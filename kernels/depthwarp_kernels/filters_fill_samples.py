@@ -17,14 +17,14 @@ from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)
 
-MOST_SAMPLES = 52
-"""Samples round a block: 4 x 4 pixels, and 3 x 3 areas of each of the other levels."""
+MOST_SAMPLES = 36
+"""Samples round a block of 4 x 4 pixels: 6 x 6 pixels; coarser areas follow on three at most."""
 
 ENOUGH = wp.constant(4)
 """Samples from which coarser areas are not looked at."""
 
-FILL_REACH_4 = wp.constant(9)
-"""A sample speaks for pixels up to 1.5 times its spacing away: 9 is the square of twice that."""
+FILL_REACH_2 = wp.constant(3)
+"""A sample speaks for pixels up to 1.5 times its spacing away: in half pixels, 3 times."""
 
 
 @wp.func
@@ -41,6 +41,7 @@ def was_seen(
     level: wp.int32,
     top: wp.int32,
     left: wp.int32,
+    size: wp.int32,
     finer_columns: wp.int32,
     wraps: wp.int32,
 ):
@@ -48,14 +49,14 @@ def was_seen(
     if level == 0:
         return False
     finer = level - 1
-    most = wp.where(finer == 0, 2, 1)
+    most = wp.max(size >> finer, 1)
     rows = (row >> finer) - (top >> finer)
     columns = offset_round((column >> finer) - (left >> finer), finer_columns, wraps)
     return rows >= -1 and rows <= most and columns >= -1 and columns <= most
 
 
 # From small areas to large ones, until there are enough. Offsets are in half pixels from the middle
-# of the block at (top, left).
+# of the block of `size` pixels a side at (top, left), `more` what is added to the samples' reach.
 @wp.func
 def gather_samples(
     cells: wp.array2d[wp.uint64],
@@ -63,6 +64,8 @@ def gather_samples(
     v: wp.int32,
     top: wp.int32,
     left: wp.int32,
+    size: wp.int32,
+    more: wp.int32,
     rows: wp.int32,
     columns: wp.int32,
     depth_out: wp.array[wp.float32],
@@ -77,7 +80,7 @@ def gather_samples(
     finer_columns = int(0)
     finer_wraps = int(0)
     for level in range(LEVELS):
-        below = wp.where(level == 0, 2, 1)
+        below = wp.max(size >> level, 1)
         wraps = wp.where(level_columns > below + 1, grid.wraps, 0)  # no area twice
         side = left >> level
         inside = side > 0 and side + below < level_columns
@@ -94,12 +97,12 @@ def gather_samples(
                     if cell != wp.uint64(EMPTY_CELL):
                         row = (r << level) + row_of_cell(cell)
                         column = (c << level) + column_of_cell(cell)
-                        x = 2 * offset_round(column - left, columns, grid.wraps) - 1
-                        y = 2 * (row - top) - 1
-                        spacing = spacing_of_cell(cell)
-                        if squared(x, y) <= FILL_REACH_4 * spacing * spacing:
+                        x = 2 * offset_round(column - left, columns, grid.wraps) - (size - 1)
+                        y = 2 * (row - top) - (size - 1)
+                        reach = FILL_REACH_2 * spacing_of_cell(cell) + more
+                        if squared(x, y) <= reach * reach:
                             if not was_seen(
-                                row, column, level, top, left, finer_columns, finer_wraps
+                                row, column, level, top, left, size, finer_columns, finer_wraps
                             ):
                                 depth_out[count] = depth_of_cell(cell)
                                 right_out[count] = x

@@ -19,6 +19,7 @@ from depthwarp_kernels.filters_layers import (
     row_of_cell,
     spacing_of_cell,
 )
+from depthwarp_kernels.filters_spacing import RUN, THINNED, WORD
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)
@@ -32,45 +33,39 @@ HIDING_REACH_4 = wp.constant(25)
 DENSE_REACH_4 = wp.constant(9)
 """The same of one whose surface has no gaps, of spacing 1: its eight neighbours."""
 
-MOST_TIMES_SPARSER = wp.constant(6)
-"""A pixel hides none whose own spacing is below a sixth of its: what is so sparse before a dense
-surface is seldom a surface, but mixed pixels and strays."""
-
 HIDING_MARGIN = wp.constant(wp.float32(0.02))
 HIDING_SHARE = wp.constant(wp.float32(0.002))
-HIDING_SLOPE = wp.constant(wp.float32(1.0))
-"""It has to be nearer by 0.02 m + 0.2 % of the hidden one's depth + d pitch."""
+HIDING_SLOPE = wp.constant(wp.float32(0.5))
+"""It has to be nearer by 0.02 m + 0.2 % of the hidden one's depth + half of d pitch."""
 
 HALF_REACH = wp.constant(63)
 SIDE = wp.constant(127)
 """Sectors are in a table of offsets in half pixels: farthest one, and side of the table."""
 
-MOST_EMPTY = wp.constant(6)
+MOST_EMPTY = wp.constant(11)
 """Longest run of empty sectors of a pixel that is hidden. Pixels on one side of a straight line,
-however it lies, touch 9 sectors of 16 at most, and leave a run of 7."""
+however it lies, touch 17 sectors of 32 at most, and leave a run of 15."""
 
-RUN = wp.constant(8)
-"""Columns that one thread takes, one after the other."""
-
-SECTORS = 16
+SECTORS = 32
 """Sectors of a full turn."""
 
 
 @wp.func
-def sector_bit(sector_bits: wp.array[wp.uint16], right: wp.int32, down: wp.int32):
-    """Sector of an offset in half pixels, as one bit of 16; none of no offset."""
-    return wp.int32(sector_bits[(down + HALF_REACH) * SIDE + right + HALF_REACH])
+def sector_bit(sector_bits: wp.array[wp.uint32], right: wp.int32, down: wp.int32):
+    """Sector of an offset in half pixels, as one bit of 32; none of no offset."""
+    return sector_bits[(down + HALF_REACH) * SIDE + right + HALF_REACH]
 
 
 @wp.func
-def surrounds(sectors: wp.int32, most_empty: wp.int32):
-    """Whether sectors of 16, as bits, leave no run of more empty ones (4 to 8) round the turn."""
-    empty = ~sectors & 0xFFFF
-    ring = empty | (empty << 16)
-    runs = ring & (ring >> 1)  # bit i: 2 empty ones from i on
-    runs = runs & (runs >> 2)  # 4
-    longer = runs & (runs >> (most_empty - 4))  # most_empty
-    return (longer & (ring >> most_empty) & 0xFFFF) == 0
+def surrounds(sectors: wp.uint32, most_empty: wp.int32):
+    """Whether sectors of 32, as bits, leave no run of more empty ones (8 to 16) round the turn."""
+    empty = wp.uint64(~sectors)
+    ring = empty | (empty << wp.uint64(32))
+    runs = ring & (ring >> wp.uint64(1))  # bit i: 2 empty ones from i on
+    runs = runs & (runs >> wp.uint64(2))  # 4
+    runs = runs & (runs >> wp.uint64(4))  # 8
+    longer = runs & (runs >> wp.uint64(most_empty - 8))  # most_empty
+    return (longer & (ring >> wp.uint64(most_empty)) & wp.uint64(0xFFFFFFFF)) == wp.uint64(0)
 
 
 @wp.func
@@ -89,7 +84,7 @@ def is_in_reach(way_square: wp.int32, spacing: wp.int32, own_spacing: wp.int32):
     """Whether a pixel hides another so far away, by their spacings."""
     reach_4 = wp.where(spacing == 1, DENSE_REACH_4, HIDING_REACH_4 * spacing * spacing)
     is_gap = spacing > 1 or own_spacing > 1  # between two surfaces without gaps nothing shines
-    return is_gap and 4 * way_square <= reach_4 and spacing <= MOST_TIMES_SPARSER * own_spacing
+    return is_gap and 4 * way_square <= reach_4
 
 
 # What is nearer by less than the margin in the areas of a level is so in those of finer levels too,
@@ -97,7 +92,7 @@ def is_in_reach(way_square: wp.int32, spacing: wp.int32, own_spacing: wp.int32):
 @wp.func
 def is_surrounded(
     cells: wp.array2d[wp.uint64],
-    sector_bits: wp.array[wp.uint16],
+    sector_bits: wp.array[wp.uint32],
     grid: PixelGrid,
     v: wp.int32,
     row: wp.int32,
@@ -109,7 +104,7 @@ def is_surrounded(
 ):
     """Whether nearer pixels, each within its reach, stand round a pixel on all sides."""
     margin = HIDING_MARGIN + HIDING_SHARE * own
-    sectors = int(0)
+    sectors = wp.uint32(0)
     first = int(0)
     for level in range(LEVELS):
         first += cells_of_level(rows, columns, level)
@@ -158,21 +153,23 @@ def erase_pixel(
         index[v, row, column] = -1
 
 
-# Other pixels are read through the pyramid only, so erasing in place sees the map as it was.
-# Launch over (rows, runs).
+# Other pixels are read through the pyramid only, so erasing in place sees the map as it was. The
+# bits of erased pixels go over from `words_out` to `erased_out`. Launch over (rows, runs).
 @wp.kernel
 def erase_surrounded(
     # In:
     first_row: wp.int32,
     cells: wp.array2d[wp.uint64],
     spacing: wp.array3d[wp.uint8],
-    sector_bits: wp.array[wp.uint16],
+    sector_bits: wp.array[wp.uint32],
     grids: wp.array[PixelGrid],
     keep_depth: wp.int32,
     # Out:
     depth_out: wp.array3d[wp.float32],
     index_out: wp.array3d[wp.int32],
     state_out: wp.array3d[wp.uint8],
+    words_out: wp.array3d[wp.uint32],
+    erased_out: wp.array3d[wp.uint32],
 ):
     i, run = wp.tid()
     rows = depth_out.shape[1]
@@ -188,6 +185,30 @@ def erase_surrounded(
                 cells, sector_bits, grid, v, row, column, rows, columns, own, own_spacing
             ):
                 erase_pixel(depth_out, index_out, state_out, v, row, column, keep_depth)
+                bit = wp.uint32(1) << wp.uint32(column % WORD)
+                wp.atomic_and(words_out, v, row, column // WORD, ~bit)
+                wp.atomic_or(erased_out, v, row, column // WORD, bit)
+
+
+# Launch over (rows, words).
+@wp.kernel
+def erase_thinned(
+    # In:
+    first_row: wp.int32,
+    spacing: wp.array3d[wp.uint8],
+    keep_depth: wp.int32,
+    # Out:
+    depth_out: wp.array3d[wp.float32],
+    index_out: wp.array3d[wp.int32],
+    state_out: wp.array3d[wp.uint8],
+):
+    i, word = wp.tid()
+    rows = depth_out.shape[1]
+    v = (first_row + i) // rows
+    row = (first_row + i) - v * rows
+    for column in range(word * WORD, wp.min((word + 1) * WORD, depth_out.shape[2])):
+        if wp.int32(spacing[v, row, column]) == THINNED:
+            erase_pixel(depth_out, index_out, state_out, v, row, column, keep_depth)
 
 
 # Depth of pixels that hold one, 0 elsewhere. Launch over (rows, columns).
@@ -215,7 +236,7 @@ def erase_by_cone(
     # In:
     first_row: wp.int32,
     depth: wp.array3d[wp.float32],
-    sector_bits: wp.array[wp.uint16],
+    sector_bits: wp.array[wp.uint32],
     grids: wp.array[PixelGrid],
     radius: wp.int32,
     least_free: wp.float32,
@@ -250,7 +271,7 @@ def erase_by_cone(
                         cosine = ahead / wp.sqrt(ahead * ahead + aside * aside)
                         bit = sector_bit(sector_bits, 2 * right, 2 * down)
                         for sector in range(8):
-                            if (bit >> (2 * sector)) & 3 != 0:
+                            if (bit >> wp.uint32(4 * sector)) & wp.uint32(15) != wp.uint32(0):
                                 highest[sector] = wp.max(highest[sector], cosine)
     free = wp.float32(0.0)
     for sector in range(8):

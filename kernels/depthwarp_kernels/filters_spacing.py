@@ -22,6 +22,9 @@ FARTHEST_RING = wp.constant(32)
 NO_RING = wp.constant(33)
 """Spacing of a pixel without enough companions in the largest ring."""
 
+THINNED = wp.constant(255)
+"""In the place of a spacing: the pixel lost too many of its companions."""
+
 SPACING_BINS = 34
 """Counts of a row: of each spacing from 0 to `NO_RING`."""
 
@@ -161,6 +164,65 @@ def find_spacing(
                 reach = reach * REACH_FACTOR
             wp.atomic_add(counts_out, v, row, spacing, 1)
         spacing_out[v, row, left + k] = wp.uint8(spacing)
+
+
+@wp.func
+def is_any_near(
+    words: wp.array3d[wp.uint32],
+    v: wp.int32,
+    row: wp.int32,
+    column: wp.int32,
+    columns: wp.int32,
+    reach: wp.int32,
+    wraps: wp.int32,
+):
+    """Whether a bit is set in the square ring round a pixel, or inside of it."""
+    found = wp.uint32(0)
+    for turn in range(-wraps, wraps + 1):
+        middle = column + turn * columns
+        first = wp.max(middle - reach, 0)
+        last = wp.min(middle + reach, columns - 1)
+        for word in range(first // WORD, last // WORD + 1):
+            left = word * WORD
+            for r in range(wp.max(row - reach, 0), wp.min(row + reach + 1, words.shape[1])):
+                found = found | bits_between(words[v, r, word], first - left, last - left)
+    return found != wp.uint32(0)
+
+
+# What hides loses few companions, what is hidden most: a pixel whose spacing has grown by half or
+# more since it was found is marked in its place. `words` are the pixels that are left, `erased`
+# those that are not. Launch over (rows, runs).
+@wp.kernel
+def mark_thinned(
+    # In:
+    first_row: wp.int32,
+    depth: wp.array3d[wp.float32],
+    words: wp.array3d[wp.uint32],
+    erased: wp.array3d[wp.uint32],
+    grids: wp.array[PixelGrid],
+    # Out:
+    spacing_out: wp.array3d[wp.uint8],
+):
+    i, run = wp.tid()
+    rows = depth.shape[1]
+    columns = depth.shape[2]
+    v = (first_row + i) // rows
+    row = (first_row + i) - v * rows
+    left = run * RUN
+    bits = words[v, row, left // WORD] >> wp.uint32(left % WORD)
+    grid = grids[v]
+    for k in range(wp.min(RUN, columns - left)):
+        reach = (3 * wp.int32(spacing_out[v, row, left + k]) - 1) // 2  # below 1.5 times as far
+        is_left = (bits >> wp.uint32(k)) & wp.uint32(1) != wp.uint32(0)
+        if is_left and reach <= FARTHEST_RING:
+            if is_any_near(erased, v, row, left + k, columns, reach, grid.wraps):
+                own = depth[v, row, left + k]
+                slope = LAYER_SLOPE * pitch(grid, own)
+                ring = ring_of_companions(
+                    depth, words, v, row, left + k, reach, grid.wraps, own, slope
+                )
+                if ring > reach:
+                    spacing_out[v, row, left + k] = wp.uint8(THINNED)
 
 
 # Launch over (views, `SPACING_BINS`).

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from .layers import (
+    FARTHEST_RING,
     Grid,
     f32,
     present,
@@ -30,7 +31,8 @@ def erased(maps: Maps, hidden: np.ndarray, keep_depth: bool) -> Maps:
 
 
 def surround_erase(maps: Maps, grid: Grid, keep_depth: bool = False) -> Maps:
-    """A pixel goes if nearer pixels, each within its reach, stand round it."""
+    """A pixel goes if nearer pixels, each within its reach, stand round it; or if its spacing has
+    become 1.5 times what it was, or more, when those are gone."""
     depth, _, state = maps
     rows, columns = depth.shape
     spacings = spacing_of(depth, state, grid)
@@ -49,13 +51,16 @@ def surround_erase(maps: Maps, grid: Grid, keep_depth: bool = False) -> Maps:
                     y, x = q_row - row, grid.offset(q_column - column, columns)
                     way = np.sqrt(f32(x * x + y * y))
                     margin = f32(0.02) + f32(0.002) * own
-                    step = f32(1.0) * way * grid.pitch(near)
+                    step = f32(0.5) * way * grid.pitch(near)
                     reach = f32(1.5) if spacing == 1 else f32(2.5) * f32(spacing)
-                    near_enough = way <= reach and spacing <= 6 * own_spacing
-                    near_enough &= spacing > 1 or own_spacing > 1
+                    near_enough = way <= reach and (spacing > 1 or own_spacing > 1)
                     if near_enough and own - near > margin + step:
                         sectors.add(sector(x, y))
-            hidden[row, column] |= surrounded(sectors, 6)
+            hidden[row, column] |= surrounded(sectors, 11)
+    left = np.where(hidden, ERASED, state)
+    # No spacing above 32 is known: what might have grown beyond it is left alone.
+    thinned = 2 * spacing_of(depth, left, grid) >= 3 * spacings
+    hidden |= present(depth, left) & (3 * spacings <= 2 * FARTHEST_RING + 2) & thinned
     return erased(maps, hidden, keep_depth)
 
 
@@ -78,7 +83,7 @@ def cone_erase(maps: Maps, grid: Grid, radius: int, angle: float) -> Maps:
                 if there[row + y, c] and ahead > f32(0.02):
                     aside = np.sqrt(f32(x * x + y * y)) * grid.pitch(depth[row + y, c])
                     cosine = ahead / np.sqrt(ahead * ahead + aside * aside)
-                    k = sector(x, y) // 2
+                    k = sector(x, y) // 4
                     highest[k] = max(highest[k], cosine)
         free = f32(0)
         for value in highest:
@@ -88,43 +93,56 @@ def cone_erase(maps: Maps, grid: Grid, radius: int, angle: float) -> Maps:
 
 
 def plane_fill(maps: Maps, grid: Grid) -> Maps:
-    """Blocks of 2 x 2 take the plane of the nearest of three layers that surrounds their middle."""
+    """Blocks of 4 x 4 take the plane of the one layer round them; of others each 2 x 2 the plane of
+    the nearest of three layers that surrounds its middle."""
     depth, index, state = maps
-    depth_out, index_out, state_out = (array.copy() for array in maps)
+    out = tuple(array.copy() for array in maps)
     rows, columns = depth.shape
     there = present(depth, state)
     levels = pyramid_of(depth, spacing_of(depth, state, grid))
-    for top in range(0, rows, 2):
-        for left in range(0, columns, 2):
-            pixels = [
-                (row, column)
-                for row in range(top, min(top + 2, rows))
-                for column in range(left, min(left + 2, columns))
-                if not there[row, column]
-            ]
-            samples = _samples(levels, grid, top, left, columns) if pixels else []
-            if not samples:
-                continue
-            plane, chosen = _layer(samples, grid)
-            z, x, y, _ = chosen
-            source = (left + int(x + 0.5)) % columns
-            for row, column in pixels:
-                depth_out[row, column] = z
+
+    def fill(top, left, size, layer):
+        plane, (z, x, y, _) = layer
+        middle = (size - 1) / 2
+        source = index[top + int(y + middle), (left + int(x + middle)) % columns]
+        for row in range(top, min(top + size, rows)):
+            for column in range(left, min(left + size, columns)):
+                if there[row, column]:
+                    continue
                 if plane is not None:
                     (a, b, c), near, far = plane
-                    q = a + b * f32(column - left - 0.5) + c * f32(row - top - 0.5)
+                    q = a + b * f32(column - left - middle) + c * f32(row - top - middle)
                     q = min(max(q, f32(1) / far), f32(1) / near)
-                    depth_out[row, column] = min(max(f32(1) / q, near), far)
-                index_out[row, column] = index[top + int(y + 0.5), source]
-                state_out[row, column] = FILLED_BORDER if plane is None else FILLED
-    return depth_out, index_out, state_out
+                    z = min(max(f32(1) / q, near), far)
+                kind = FILLED_BORDER if plane is None else FILLED
+                for array, value in zip(out, (z, source, kind), strict=True):
+                    array[row, column] = value
+
+    for top in range(0, rows, 4):
+        for left in range(0, columns, 4):
+            samples = _samples(levels, grid, top, left, 4, f32(1.5), columns)
+            if not samples:
+                continue
+            one = _layer_from(samples, f32(0), grid)
+            if one is not None and len(one[2]) == len(samples) and _surrounds(one[2]):
+                (plane, near, far), closest = _filled(*one)
+                beyond = f32(0.5) * (far - near)
+                near = max(near - beyond, f32(0.5) * near)
+                fill(top, left, 4, ((plane, near, far + beyond), closest))
+                continue
+            for part_top in range(top, min(top + 4, rows), 2):
+                for part_left in range(left, min(left + 4, columns), 2):
+                    samples = _samples(levels, grid, part_top, part_left, 2, f32(0), columns)
+                    if samples:
+                        fill(part_top, part_left, 2, _layer(samples, grid))
+    return out
 
 
-def _samples(levels, grid, top, left, columns):
+def _samples(levels, grid, top, left, size, more, columns):
     """(depth, x, y from the block's middle [px], distance) of what reaches it, in order."""
     samples, seen = [], set()
     for level, cells in enumerate(levels):
-        below = 2 if level == 0 else 1
+        below = max(size >> level, 1)
         for r in range((top >> level) - 1, (top >> level) + below + 1):
             for c in range((left >> level) - 1, (left >> level) + below + 1):
                 side = c if 0 <= c < len(cells[0]) else -1
@@ -133,9 +151,10 @@ def _samples(levels, grid, top, left, columns):
                 if not 0 <= r < len(cells) or side < 0 or cells[r][side] is None:
                     continue
                 near, spacing, row, column = cells[r][side]
-                x, y = grid.offset(column - left, columns) - 0.5, row - top - 0.5
+                middle = (size - 1) / 2
+                x, y = grid.offset(column - left, columns) - middle, row - top - middle
                 way = f32(0.5) * np.sqrt(f32(4 * (x * x + y * y)))
-                if way <= f32(1.5) * f32(spacing) and (row, column) not in seen:
+                if way <= f32(1.5) * f32(spacing) + more and (row, column) not in seen:
                     seen.add((row, column))
                     samples.append((near, x, y, way))
         if len(samples) >= 4:
@@ -143,29 +162,46 @@ def _samples(levels, grid, top, left, columns):
     return samples
 
 
+def _layer_from(samples, beyond, grid):
+    """The first layer beyond a depth: its nearest and farthest depth, and its samples, the nearest
+    first; None without one."""
+    left = [sample for sample in samples if sample[0] > beyond]
+    if not left:
+        return None
+    near, x0, y0, _ = first = min(left, key=lambda sample: sample[0])
+    slope = f32(0.5) * f32(4) * grid.pitch(near)
+    members = [
+        s
+        for s in samples
+        if s[0] >= near
+        and s[0] - near
+        <= f32(0.03) + slope * np.sqrt(f32(4 * ((s[1] - x0) ** 2 + (s[2] - y0) ** 2)))
+    ]
+    start = next(k for k, s in enumerate(members) if s[:3] == first[:3])
+    return near, max(s[0] for s in members), members, start
+
+
+def _surrounds(members):
+    return surrounded({sector(s[1], s[2]) for s in members}, 16)
+
+
+def _filled(near, far, members, start):
+    """The plane of a layer, and its sample nearest to the middle."""
+    order = [members[start], *members[:start], *members[start + 1 :]]
+    return (_plane(members), near, far), min(order, key=lambda s: s[1] ** 2 + s[2] ** 2)
+
+
 def _layer(samples, grid):
     """The plane of the first layer that surrounds, with its nearest and farthest depth, or None;
     and the sample nearest to the middle."""
     beyond = f32(0)
     for _ in range(3):
-        left = [sample for sample in samples if sample[0] > beyond]
-        if not left:
+        layer = _layer_from(samples, beyond, grid)
+        if layer is None:
             break
-        near, x0, y0, _ = min(left, key=lambda sample: sample[0])
-        slope = f32(0.5) * f32(4) * grid.pitch(near)
-        members = [
-            s
-            for s in samples
-            if s[0] >= near
-            and s[0] - near
-            <= f32(0.03) + slope * np.sqrt(f32(4 * ((s[1] - x0) ** 2 + (s[2] - y0) ** 2)))
-        ]
-        far = max(s[0] for s in members)
-        if surrounded({sector(s[1], s[2]) for s in members}, 8):
-            first = next(k for k, s in enumerate(members) if s[:3] == (near, x0, y0))
-            order = [members[first], *members[:first], *members[first + 1 :]]
-            return (_plane(members), near, far), min(order, key=lambda s: s[1] ** 2 + s[2] ** 2)
-        beyond = far
+        if _surrounds(layer[2]):
+            return _filled(*layer)
+        beyond = layer[1]
     return None, min(samples, key=lambda s: (s[3], s[0]))
 
 

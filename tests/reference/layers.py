@@ -102,12 +102,12 @@ def pyramid_of(depth: np.ndarray, spacing: np.ndarray) -> list[list[list[tuple |
 
 
 def sector(right: float, down: float) -> int:
-    """Sector of 16 that a direction lies in; 0 begins to the right, then downwards."""
+    """Sector of 32 that a direction lies in; 0 begins to the right, then downwards."""
     turns = (np.arctan2(down, right) / (2 * np.pi)) % 1.0
-    return int(np.floor(turns * 16 + 1e-9)) % 16
+    return int(np.floor(turns * 32 + 1e-9)) % 32
 
 
 def surrounded(sectors: set[int], most_empty: int) -> bool:
     """Whether no run of more empty sectors is left round the turn."""
     runs = range(most_empty + 1)
-    return all(any((first + k) % 16 in sectors for k in runs) for first in range(16))
+    return all(any((first + k) % 32 in sectors for k in runs) for first in range(32))
