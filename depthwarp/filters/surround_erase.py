@@ -25,12 +25,12 @@ class SurroundErase:
     A pixel q hides towards p if it is nearer by more than 0.02 m + 0.002 z_p + 0.5 d g, with d the
     distance of the two [px] and g the metres between neighbouring pixels at q's depth
     (`Camera.pixel_pitch`), if d is at most 2.5 times q's own spacing S, or 1.5 px where S is 1, and
-    if S is not 1 for both. S is the radius of the smallest square ring [px] that holds 4 pixels of
-    q's layer: within 0.03 m + r g of its depth, r px away. A q with S above 8 times the view's
-    median (from 16 to 32 px) is isolated and hides nothing. p goes when the directions of what
-    hides leave no run of more than 11 of 32 sectors empty: what lies on one side of a straight line
-    leaves 15 at least. Then a pixel goes, too, whose S has become 1.5 times what it was, or more:
-    of a surface that is hidden most went before.
+    if S is at most 6 times that of p and not 1 for both. S is the radius of the smallest square
+    ring [px] that holds 4 pixels of q's layer: within 0.03 m + r g of its depth, r px away. A q
+    with S above 8 times the view's median (from 16 to 32 px) is isolated and hides nothing. p goes
+    when the directions of what hides leave no run of more than 11 of 32 sectors empty: what lies on
+    one side of a straight line leaves 15 at least. Then a pixel goes, too, whose S has become 1.5
+    times what it was, or more: of a surface that is hidden most went before.
 
     The distance term spares slanted surfaces, the sectors true edges, and the spacing makes the
     reach fit the density of every surface. The numbers were chosen on simulated scans of analytic

@@ -33,6 +33,10 @@ HIDING_REACH_4 = wp.constant(25)
 DENSE_REACH_4 = wp.constant(9)
 """The same of one whose surface has no gaps, of spacing 1: its eight neighbours."""
 
+MOST_TIMES_SPARSER = wp.constant(6)
+"""A pixel hides none whose own spacing is below a sixth of its: what is so sparse before a dense
+surface is seldom a surface, but mixed pixels and strays."""
+
 HIDING_MARGIN = wp.constant(wp.float32(0.02))
 HIDING_SHARE = wp.constant(wp.float32(0.002))
 HIDING_SLOPE = wp.constant(wp.float32(0.5))
@@ -84,7 +88,7 @@ def is_in_reach(way_square: wp.int32, spacing: wp.int32, own_spacing: wp.int32):
     """Whether a pixel hides another so far away, by their spacings."""
     reach_4 = wp.where(spacing == 1, DENSE_REACH_4, HIDING_REACH_4 * spacing * spacing)
     is_gap = spacing > 1 or own_spacing > 1  # between two surfaces without gaps nothing shines
-    return is_gap and 4 * way_square <= reach_4
+    return is_gap and 4 * way_square <= reach_4 and spacing <= MOST_TIMES_SPARSER * own_spacing
 
 
 # What is nearer by less than the margin in the areas of a level is so in those of finer levels too,

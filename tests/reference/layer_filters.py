@@ -53,7 +53,8 @@ def surround_erase(maps: Maps, grid: Grid, keep_depth: bool = False) -> Maps:
                     margin = f32(0.02) + f32(0.002) * own
                     step = f32(0.5) * way * grid.pitch(near)
                     reach = f32(1.5) if spacing == 1 else f32(2.5) * f32(spacing)
-                    near_enough = way <= reach and (spacing > 1 or own_spacing > 1)
+                    near_enough = way <= reach and spacing <= 6 * own_spacing
+                    near_enough &= spacing > 1 or own_spacing > 1
                     if near_enough and own - near > margin + step:
                         sectors.add(sector(x, y))
             hidden[row, column] |= surrounded(sectors, 11)
