@@ -22,7 +22,7 @@ class PlaneFill:
     `SurroundErase`), covers its middle; of every area of 1 to 16 px a side only the nearest pixel
     is looked at, from small areas to large ones until there are 4 samples. A layer is the nearest
     sample and all within 0.03 m + 4 d g behind it, d px from it, g the metres between neighbouring
-    pixels there. If its directions leave no run of more than 16 of 32 sectors empty, a plane
+    pixels there. If its directions leave no run of more than 18 of 32 sectors empty, a plane
     1/z = a + b u + c v is fitted with weights 1 / (d^2 + 0.25 px^2), and its depth, kept within
     those of the samples, is written as FILLED. If not, the next deeper layer is tried, of three.
     What none surrounds takes the depth of the sample nearest in the image, as FILLED_BORDER. The

@@ -25,7 +25,7 @@ STATE_FILLED_BORDER = wp.constant(wp.uint8(4))
 MOST_LAYERS = wp.constant(3)
 """Layers that are tried, from the nearest on."""
 
-FILL_EMPTY = wp.constant(16)
+FILL_EMPTY = wp.constant(18)
 """Longest run of empty sectors of 32 of a layer that surrounds a pixel."""
 
 FILL_MARGIN = wp.constant(wp.float32(0.03))

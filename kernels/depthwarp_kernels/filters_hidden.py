@@ -62,14 +62,15 @@ def sector_bit(sector_bits: wp.array[wp.uint32], right: wp.int32, down: wp.int32
 
 @wp.func
 def surrounds(sectors: wp.uint32, most_empty: wp.int32):
-    """Whether sectors of 32, as bits, leave no run of more empty ones (8 to 16) round the turn."""
+    """Whether sectors of 32, as bits, leave no run of more empty ones (8 to 23) round the turn."""
     empty = wp.uint64(~sectors)
     ring = empty | (empty << wp.uint64(32))
     runs = ring & (ring >> wp.uint64(1))  # bit i: 2 empty ones from i on
     runs = runs & (runs >> wp.uint64(2))  # 4
     runs = runs & (runs >> wp.uint64(4))  # 8
-    longer = runs & (runs >> wp.uint64(most_empty - 8))  # most_empty
-    return (longer & (ring >> wp.uint64(most_empty)) & wp.uint64(0xFFFFFFFF)) == wp.uint64(0)
+    last = most_empty - 7  # where the last 8 of one too many begin
+    longer = runs & (runs >> wp.uint64(wp.min(last, 8))) & (runs >> wp.uint64(last))
+    return (longer & wp.uint64(0xFFFFFFFF)) == wp.uint64(0)
 
 
 @wp.func

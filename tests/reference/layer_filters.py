@@ -183,7 +183,7 @@ def _layer_from(samples, beyond, grid):
 
 
 def _surrounds(members):
-    return surrounded({sector(s[1], s[2]) for s in members}, 16)
+    return surrounded({sector(s[1], s[2]) for s in members}, 18)
 
 
 def _filled(near, far, members, start):
