@@ -146,7 +146,7 @@ def _speeds(scene: RoomScene, points: Float32Array, repeats: int, device: str) -
 
 
 def _unculled(scene: RoomScene, points: Float32Array, repeats: int, device: str) -> list[Figure]:
-    """A prepared cloud of which every block is drawn, on a CPU; the library has no such switch."""
+    """A prepared cloud of which every block is projected; the library has no such switch."""
     if device != "cpu":
         return []
     chunks = dw.PointCloud(points).prepare(device=device)

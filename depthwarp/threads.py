@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import cache
 from itertools import cycle
@@ -38,7 +38,7 @@ def thread_pool(threads: int) -> ThreadPoolExecutor:
 
 
 def share(work: Callable[[int], Result], threads: int) -> list[Result]:
-    """Let every thread do its work, and wait for all of them.
+    """Let every thread do its work, and wait for all of them, also where one fails.
 
     Returns:
         What `work` returns for 0, 1, ..., `threads` - 1.
@@ -46,7 +46,9 @@ def share(work: Callable[[int], Result], threads: int) -> list[Result]:
     if threads == 1:
         return [work(0)]
     pool = thread_pool(threads)
-    return [done.result() for done in [pool.submit(work, thread) for thread in range(threads)]]
+    jobs = [pool.submit(work, thread) for thread in range(threads)]
+    wait(jobs)
+    return [job.result() for job in jobs]
 
 
 class Shared:

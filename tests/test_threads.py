@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 
 import pytest
 
@@ -16,10 +17,19 @@ def test_every_thread_does_its_work_and_is_waited_for():
     assert share(lambda _: threading.get_ident(), 1) == [threading.get_ident()]
 
 
-def test_an_error_reaches_the_caller():
-    """Whichever thread it happens in."""
+def test_an_error_reaches_the_caller_when_all_are_done():
+    """Whichever thread it happens in; none goes on working behind the caller's back."""
+    ended = []
+
+    def work(thread: int) -> None:
+        if thread == 0:
+            raise ZeroDivisionError
+        time.sleep(0.1)
+        ended.append(thread)
+
     with pytest.raises(ZeroDivisionError):
-        share(lambda thread: 1 // (1 - thread), 2)
+        share(work, 2)
+    assert ended == [1]
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="cores are not numbered here")

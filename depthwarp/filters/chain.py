@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 import warp as wp
 
@@ -40,7 +41,8 @@ def check_filters(filters: Sequence[Filter] | None) -> tuple[Filter, ...]:
         return ()
     if not isinstance(filters, list | tuple) or not all(hasattr(f, "build") for f in filters):
         raise InputError(
-            f"filters must be a list of filters such as dw.filters.paper(), got {filters!r}"
+            "filters must be a list of filters such as dw.filters.best() or [dw.filters.fill()], "
+            f"got {filters!r}"
         )
     return tuple(filters)
 
@@ -54,11 +56,12 @@ def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None 
         device: Where to compute; None is Warp's default device.
 
     Raises:
-        InputError: Not a sequence of filters, or maps of another size than the camera's image.
+        InputError: Not a sequence of filters, maps of another size than the camera's image, or a
+            depth that is negative or not finite.
         DeviceError: The device is not on this machine.
     """
     chain = check_filters(filters)
-    _check_sizes(depth_map)
+    _check_maps(depth_map)
     target = resolve_device(device)
 
     def upload(values: npt.NDArray[Any], dtype: Any) -> Any:
@@ -81,7 +84,7 @@ def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None 
     )
 
 
-def _check_sizes(depth_map: DepthMap) -> None:
+def _check_maps(depth_map: DepthMap) -> None:
     width, height = depth_map.camera.size
     for name in ("depth", "index", "state"):
         shape = getattr(depth_map, name).shape
@@ -90,3 +93,8 @@ def _check_sizes(depth_map: DepthMap) -> None:
                 f"{name} must have the camera's shape (height, width) = {height, width}, "
                 f"got {shape}"
             )
+    for row, column in np.argwhere(~((depth_map.depth >= 0) & (depth_map.depth < np.inf))).tolist():
+        raise InputError(
+            f"depth must be finite and not negative, got {depth_map.depth[row, column]} at "
+            f"[{row}, {column}]: an empty pixel has depth 0, index -1 and State.EMPTY"
+        )

@@ -56,7 +56,7 @@ class ConeErase:
         before = arrays.empty(depth.shape, wp.float32, depth.device)
         copy = row_launch(copy_present, maps, [depth, maps.state], [before])
         least_free = 1 - math.cos(math.radians(self.angle))
-        numbers = [self.radius, least_free, self.margin, int(self.keep_depth)]
+        numbers = [int(self.radius), least_free, self.margin, int(self.keep_depth)]
         erase = row_launch(
             erase_by_cone,
             maps,

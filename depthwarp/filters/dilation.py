@@ -45,9 +45,11 @@ class Dilation:
         row_rank = arrays.empty(depth.shape, wp.uint64, depth.device)
         dilate_row, dilate_column = dilate_kernels(self.method == "nearest")
 
-        rows = row_launch(dilate_row, maps, [depth, maps.index, maps.state, self.side], [row_rank])
+        rows = row_launch(
+            dilate_row, maps, [depth, maps.index, maps.state, int(self.side)], [row_rank]
+        )
         columns = row_launch(
-            dilate_column, maps, [row_rank, self.side], [depth, maps.index, maps.state]
+            dilate_column, maps, [row_rank, int(self.side)], [depth, maps.index, maps.state]
         )
 
         def grow() -> None:

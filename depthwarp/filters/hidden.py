@@ -45,6 +45,8 @@ def remove_hidden(
         InputError: An unknown method, an option of another method, or a value out of its range.
     """
     check_choice("method", method, ("paper", "surround", "cone"))
+    if keep_depth not in (True, False):
+        raise InputError(f"keep_depth must be one of True, False, got {keep_depth!r}")
     given = {"side": side, "threshold": threshold, "radius": radius, "angle": angle}
     if method == "paper":
         options = check_options(method, given, ("side", "threshold"))

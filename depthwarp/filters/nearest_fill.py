@@ -44,8 +44,8 @@ class NearestFill:
         """Allocate the columns' nearest rows and return the step; see `Filter.build`."""
         written = [maps.depth, maps.index, maps.state]
         source = arrays.empty(maps.depth.shape, wp.int32, maps.depth.device)
-        find = row_launch(nearest_in_column, maps, [*written, self.radius], [source])
-        fill = row_launch(fill_nearest, maps, [source, self.radius, maps.grids], written)
+        find = row_launch(nearest_in_column, maps, [*written, int(self.radius)], [source])
+        fill = row_launch(fill_nearest, maps, [source, int(self.radius), maps.grids], written)
 
         def step() -> None:
             find()

@@ -41,11 +41,13 @@ class PaperErase:
         """Allocate the row minima and return the step; see `Filter.build`."""
         depth = maps.depth
         row_nearest = arrays.empty(depth.shape, wp.float32, depth.device)
-        find = row_launch(erase_row_minimum, maps, [depth, maps.state, self.side], [row_nearest])
+        find = row_launch(
+            erase_row_minimum, maps, [depth, maps.state, int(self.side)], [row_nearest]
+        )
         erase = row_launch(
             erase_by_column,
             maps,
-            [row_nearest, self.side, self.threshold, int(self.keep_depth)],
+            [row_nearest, int(self.side), self.threshold, int(self.keep_depth)],
             [depth, maps.index, maps.state],
         )
 

@@ -19,7 +19,7 @@ __all__ = ["PYRAMID_BYTES", "Pyramid", "check_cells", "level_sizes"]
 MOST_CELLS = (1 << 31) - 1
 
 PYRAMID_BYTES = 12
-"""Working memory a pixel: spacing, and cells of all levels."""
+"""Working memory a pixel: spacing, cells of all levels, and bits."""
 
 
 class Pyramid:
@@ -30,8 +30,9 @@ class Pyramid:
 
     Attributes:
         spacing: Own-layer spacing S [px], shape (V, H, W), uint8: 0 = empty, 33 = none found.
+            `SurroundErase` marks in it what lost its companions: 255.
         limit: Spacing above which a pixel is isolated, by view, shape (V,), int32.
-        words: Which pixels were there, 32 a word, shape (V, H, words), uint32.
+        words: Which pixels are there, 32 a word, shape (V, H, words), uint32.
         cells: All levels, one after the other, row by row, shape (V, cells), uint64.
     """
 

@@ -16,8 +16,8 @@ __all__ = ["row_launch"]
 PARTS_A_THREAD = 16
 """Parts that a thread takes one after the other, so that none waits long for the last."""
 
-LEAST_PIXELS = 1 << 12
-"""Pixels of a part below which handing it to a thread costs more than it saves."""
+LEAST_ITEMS = 1 << 12
+"""Pixels, or blocks or runs of them, of a part below which a thread costs more than it saves."""
 
 
 def row_launch(
@@ -46,7 +46,7 @@ def row_launch(
     rows *= views
     count = 1
     if not device.is_cuda:
-        most = max(rows * columns // LEAST_PIXELS, 1)
+        most = max(rows * columns // LEAST_ITEMS, 1)
         count = 1 if threads == 1 else min(threads * PARTS_A_THREAD, most, rows)
     firsts = [rows * part // count for part in range(count + 1)]
     commands: list[Any] = [

@@ -29,8 +29,8 @@ class SurroundErase:
     ring [px] that holds 4 pixels of q's layer: within 0.03 m + r g of its depth, r px away. A q
     with S above 8 times the view's median (from 16 to 32 px) is isolated and hides nothing. p goes
     when the directions of what hides leave no run of more than 11 of 32 sectors empty: what lies on
-    one side of a straight line leaves 15 at least. Then a pixel goes, too, whose S has become 1.5
-    times what it was, or more: of a surface that is hidden most went before.
+    one side of a straight line leaves 15 at least. Then a pixel goes, too, whose S, at most 22, has
+    become 1.5 times what it was, or more: of a surface that is hidden most went before.
 
     The distance term spares slanted surfaces, the sectors true edges, and the spacing makes the
     reach fit the density of every surface. The numbers were chosen on simulated scans of analytic

@@ -155,7 +155,7 @@ class CpuSplatter:
             share(draw, threads)
 
     def _draw_rounds(self, cloud: _Cloud, view: int, keys: Any) -> None:
-        """Draw with all threads, list after list."""
+        """Draw with a thread for each of some buffers, list after list."""
         in_view = self._cull(cloud, view, 0, (0, cloud.groups))
         for seen, count in self._rounds(cloud, view, keys, in_view):
             parts = Shared(pieces_of(count, count // PART_BLOCKS + 1))
@@ -164,7 +164,7 @@ class CpuSplatter:
                 for part in parts:
                     self._draw_blocks(cloud, view, thread, seen, part)
 
-            share(draw, self._threads)
+            share(draw, keys.shape[0])
 
     def _rounds(
         self, cloud: _Cloud, view: int, keys: Any, in_view: tuple[Any, int]

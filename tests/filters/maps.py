@@ -31,7 +31,7 @@ def make_map(depth: np.ndarray, camera: dw.cameras.Camera | None = None, state=N
 
 @st.composite
 def layered_maps(draw: st.DrawFn) -> dw.DepthMap:
-    """Small maps of two slanted layers with gaps, noise, ties, erased pixels and NaN; any lens."""
+    """Small maps of two slanted layers with gaps, noise, ties and erased pixels; any lens."""
     rows, columns = draw(SHAPES)
     rng = np.random.default_rng(draw(seeds))
     v, u = np.indices((rows, columns))
@@ -48,8 +48,6 @@ def layered_maps(draw: st.DrawFn) -> dw.DepthMap:
     depth = np.where(kept & (depth > 0), depth, 0).astype(np.float32)
     state = np.where(depth > 0, dw.State.MEASURED, dw.State.EMPTY)
     state[(rng.random(depth.shape) < 0.03) & (depth > 0)] = dw.State.ERASED  # with its depth kept
-    odd = rng.random(depth.shape) < draw(st.sampled_from([0.0, 0.02]))
-    depth[odd] = rng.choice([np.nan, np.inf], depth.shape)[odd]
     return make_map(depth, draw(cameras(columns, rows)), state)
 
 

@@ -339,6 +339,24 @@ def test_maps_of_another_size_are_refused(name):
         dw.filters.apply(bad, dw.filters.best())
 
 
+@pytest.mark.parametrize("depth", [np.nan, np.inf, -3.0])
+def test_what_is_no_depth_is_refused(depth):
+    """A depth map holds none of them; the message says what an empty pixel holds."""
+    values = np.ones((4, 5))
+    values[2, 3] = depth
+    with pytest.raises(InputError, match=rf"got {depth} at \[2, 3\]: an empty pixel has depth 0"):
+        dw.filters.apply(make_map(values), dw.filters.best())
+
+
+def test_whole_numbers_and_truth_values(device):
+    """A side may be written 2.0; whether the depth is kept is true or false."""
+    depth_map = make_map(np.ones((4, 5)))
+    for made in (dw.filters.dilate(side=2.0), dw.filters.remove_hidden("paper", side=2.0)):
+        assert (dw.filters.apply(depth_map, [made], device=device).depth == 1).all()
+    with pytest.raises(InputError, match="keep_depth must be one of True, False, got 'no'"):
+        dw.filters.remove_hidden(keep_depth="no")
+
+
 def test_an_image_with_more_cells_than_can_be_counted_is_refused():
     """Where a number of 32 bits ends, before anything is computed."""
     with pytest.raises(CapacityError, match="got 65536 x 65536: render in tiles"):

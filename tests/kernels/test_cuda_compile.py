@@ -37,7 +37,7 @@ FAMILIES = {
     "splat_cuda",
     "twin",
 }
-"""Files with kernels outside factories; `splat_blocks` is for CPUs alone."""
+"""Files with kernels outside factories; `splat_blocks` and `resolve_blocks` are for CPUs alone."""
 
 LIBRARIES = {"laser_color", "twin"}
 """Files with exponentials and sines of CUDA's library: no part of the maps."""

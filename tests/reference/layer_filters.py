@@ -164,8 +164,8 @@ def _samples(levels, grid, top, left, size, more, columns):
 
 
 def _layer_from(samples, beyond, grid):
-    """The first layer beyond a depth: its nearest and farthest depth, and its samples, the nearest
-    first; None without one."""
+    """The first layer beyond a depth: its nearest and farthest depth, its samples in order, and the
+    place of the nearest among them; None without one."""
     left = [sample for sample in samples if sample[0] > beyond]
     if not left:
         return None

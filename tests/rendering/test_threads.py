@@ -15,7 +15,7 @@ import pytest
 import depthwarp as dw
 from depthwarp import arrays
 from depthwarp.devices import resolve_device
-from depthwarp.rendering import RenderConfig, RenderPlan, ViewPlan
+from depthwarp.rendering import RenderConfig, RenderPlan, ViewPlan, cpu_splatting
 from depthwarp.rendering.cpu_splatting import LEAST_BLOCKS
 from depthwarp_kernels.point_source import BLOCK
 from tests.rendering.clumps import assert_same_map
@@ -202,3 +202,50 @@ def test_nothing_is_left_of_the_drawing_before(count, with_index):
             drawing.render(source)
         np.testing.assert_array_equal(plan.maps.depth.numpy(), alone.maps.depth.numpy())
         assert plan.stats() == alone.stats()
+
+
+def test_few_blocks_are_drawn_into_the_buffer_that_is_read(monkeypatch):
+    """Few but dense enough to ask what is hidden, whichever thread is the first to take a part."""
+    small = source_of(with_ties(100_000), prepared=True)
+    assert small.blocks < LEAST_BLOCKS
+    views = [ViewPlan(view) for view in cameras("pinhole", 2)]
+    plan = RenderPlan(views, CONFIG, CPU, threads=3)
+    alone = RenderPlan(views, CONFIG, CPU, threads=1)
+
+    def last_first(work, threads: int) -> None:
+        for thread in reversed(range(threads)):
+            work(thread)
+
+    monkeypatch.setattr(cpu_splatting, "share", last_first)
+    plan.render(small)
+    alone.render(small)
+    for ours, theirs in zip(plan.depth_maps(), alone.depth_maps(), strict=True):
+        assert theirs.stats.drawn > 100
+        assert_same_map(ours, theirs)
+
+
+@pytest.mark.parametrize("broken", ["_cull", "_draw_blocks", "_resolve"])
+@pytest.mark.parametrize("count", [1, 5])
+def test_a_failure_reaches_the_caller_and_leaves_nothing(monkeypatch, broken, count):
+    """Of one thread among three: no wait without end, and the next map is as of a new plan."""
+    source = source_of(with_ties(2 * SHARED), prepared=True)
+    pose = dw.Pose.from_orientation((0.5, 0.4, 0), (2, 0, 110))
+    views = [dw.PinholeCamera(200.0, 200.0, 159.5, 119.5, 320, 240, pose)] * count
+    plan = RenderPlan([ViewPlan(view) for view in views], CONFIG, CPU, threads=3)
+    plan.render(source)
+    right = getattr(cpu_splatting.CpuSplatter, broken)
+    calls = iter(range(10**6))
+
+    def once(self, *arguments):
+        if next(calls) == 1:
+            raise OSError("broken")
+        return right(self, *arguments)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(cpu_splatting.CpuSplatter, broken, once)
+        with pytest.raises(OSError, match="broken"):
+            plan.render(source)
+    smaller = source_of(with_ties(SHARED + 10), prepared=True)
+    plan.render(smaller)
+    for ours, theirs in zip(plan.depth_maps(), maps_of(smaller, views, 1), strict=True):
+        assert_same_map(ours, theirs)
