@@ -20,6 +20,8 @@ from depthwarp.filters.maps import DeviceMaps, Filter, device_grids
 
 __all__ = ["apply", "best", "check_filters", "paper"]
 
+MAPS = ("depth", "index", "state")
+
 
 def paper() -> tuple[Filter, ...]:
     """The paper's chain: erase in a window of 10 px at 0.5 m, then dilation by 10 px."""
@@ -47,21 +49,31 @@ def check_filters(filters: Sequence[Filter] | None) -> tuple[Filter, ...]:
     return tuple(filters)
 
 
-def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None = None) -> DepthMap:
-    """A new depth map with filters applied in order; the given one is not changed.
+def apply(
+    depth_map: DepthMap,
+    filters: Sequence[Filter],
+    *,
+    device: str | None = None,
+    out: DepthMap | None = None,
+) -> DepthMap:
+    """A depth map with filters applied in order; the given one is not changed, unless it is `out`.
 
     Args:
         depth_map: The map to filter.
         filters: A chain such as `paper()`.
         device: Where to compute; None is Warp's default device.
+        out: A map of the same size whose depth, index and state are written, and are those of the
+            result; new arrays when None.
 
     Raises:
-        InputError: Not a sequence of filters, maps of another size than the camera's image, or a
-            depth that is negative or not finite.
+        InputError: Not a sequence of filters, maps of another size than the camera's image, a depth
+            that is negative or not finite, or an `out` of another size or type.
         DeviceError: The device is not on this machine.
     """
     chain = check_filters(filters)
     _check_maps(depth_map)
+    if out is not None:
+        _check_out(depth_map, out)
     target = resolve_device(device)
 
     def upload(values: npt.NDArray[Any], dtype: Any) -> Any:
@@ -75,18 +87,27 @@ def apply(depth_map: DepthMap, filters: Sequence[Filter], *, device: str | None 
     )
     for step in chain:
         step.build(maps)()
-    return replace(
-        depth_map,
-        depth=maps.depth.numpy()[0],
-        index=maps.index.numpy()[0],
-        state=maps.state.numpy()[0],
-        filters=(*depth_map.filters, *map(repr, chain)),
-    )
+    filtered = {name: getattr(maps, name).numpy()[0] for name in MAPS}
+    if out is not None:
+        for name in MAPS:
+            np.copyto(getattr(out, name), filtered[name])
+            filtered[name] = getattr(out, name)
+    return replace(depth_map, **filtered, filters=(*depth_map.filters, *map(repr, chain)))
+
+
+def _check_out(depth_map: DepthMap, out: DepthMap) -> None:
+    for name in MAPS:
+        ours, theirs = getattr(out, name), getattr(depth_map, name)
+        if ours.shape != theirs.shape or ours.dtype != theirs.dtype or not ours.flags.writeable:
+            raise InputError(
+                f"out.{name} must be writable, {theirs.dtype} of shape {theirs.shape}, "
+                f"got {'' if ours.flags.writeable else 'read-only '}{ours.dtype} of {ours.shape}"
+            )
 
 
 def _check_maps(depth_map: DepthMap) -> None:
     width, height = depth_map.camera.size
-    for name in ("depth", "index", "state"):
+    for name in MAPS:
         shape = getattr(depth_map, name).shape
         if shape != (height, width):
             raise InputError(

@@ -348,6 +348,22 @@ def test_what_is_no_depth_is_refused(depth):
         dw.filters.apply(make_map(values), dw.filters.best())
 
 
+def test_a_result_is_written_where_it_is_wanted(device):
+    """Into the arrays of another map, or of the map itself; what does not fit is refused."""
+    wall = sparse(make_map(np.full((60, 80), 4.0)), 0.3)
+    expected = dw.filters.apply(wall, dw.filters.best(), device=device)
+    out = make_map(np.zeros((60, 80)))
+    result = dw.filters.apply(wall, dw.filters.best(), device=device, out=out)
+    assert all(a is b for a, b in zip(arrays_of(result), arrays_of(out), strict=True))
+    assert_maps(out, arrays_of(expected))
+    assert result.filters == expected.filters and (wall.depth == 0).mean() > 0.6
+    dw.filters.apply(wall, dw.filters.best(), device=device, out=wall)
+    assert_maps(wall, arrays_of(expected))
+    small = make_map(np.zeros((60, 79)))
+    with pytest.raises(InputError, match=r"out.depth must be .* of shape \(60, 80\), got .*79"):
+        dw.filters.apply(wall, dw.filters.best(), device=device, out=small)
+
+
 def test_whole_numbers_and_truth_values(device):
     """A side may be written 2.0; whether the depth is kept is true or false."""
     depth_map = make_map(np.ones((4, 5)))
