@@ -43,8 +43,8 @@ def check_filters(filters: Sequence[Filter] | None) -> tuple[Filter, ...]:
         return ()
     if not isinstance(filters, list | tuple) or not all(hasattr(f, "build") for f in filters):
         raise InputError(
-            "filters must be a list of filters such as dw.filters.best() or [dw.filters.fill()], "
-            f"got {filters!r}"
+            "filters must be a list of filters such as dw.filters.best(), dw.filters.paper() "
+            f"or [dw.filters.fill()], got {filters!r}"
         )
     return tuple(filters)
 
