@@ -14,7 +14,7 @@ from depthwarp.errors import InputError
 from depthwarp.filters.maps import DeviceMaps
 from depthwarp.filters.rows import row_launch
 from depthwarp.filters.sectors import device_sectors
-from depthwarp_kernels.filters_hidden import REACH, copy_present, erase_by_cone
+from depthwarp_kernels.filters_cone import REACH, copy_present, erase_by_cone
 
 __all__ = ["ConeErase"]
 

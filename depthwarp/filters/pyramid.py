@@ -29,8 +29,9 @@ class Pyramid:
         maps: The maps that `build` will read.
 
     Attributes:
-        spacing: Own-layer spacing S [px], shape (V, H, W), uint8: 0 = empty, 33 = none found.
-            `SurroundErase` marks in it what lost its companions: 255.
+        spacing: Own-layer spacing S [px], shape (V, H, W), uint8: 0 = empty, 33 = none found; 64
+            more where the companions lie along a line. `SurroundErase` marks in it what lost its
+            companions: 255.
         limit: Spacing above which a pixel is isolated, by view, shape (V,), int32.
         words: Which pixels are there, 32 a word, shape (V, H, words), uint32.
         cells: All levels, one after the other, row by row, shape (V, cells), uint64.

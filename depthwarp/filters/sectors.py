@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
-from depthwarp_kernels.filters_hidden import HALF_REACH, SECTORS
+from depthwarp_kernels.filters_sectors import HALF_REACH, SECTORS
 
 __all__ = ["device_sectors", "sector_of"]
 

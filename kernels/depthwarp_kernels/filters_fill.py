@@ -13,8 +13,8 @@ from depthwarp_kernels.filters_fill_samples import (
     gather_samples,
     squared,
 )
-from depthwarp_kernels.filters_hidden import sector_bit, surrounds
 from depthwarp_kernels.filters_layers import PixelGrid, is_present, pitch
+from depthwarp_kernels.filters_sectors import sector_bit, surrounds
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)

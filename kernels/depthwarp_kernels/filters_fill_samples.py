@@ -2,7 +2,6 @@
 
 import warp as wp
 
-from depthwarp_kernels.filters_hidden import offset_round
 from depthwarp_kernels.filters_layers import (
     EMPTY_CELL,
     LEVELS,
@@ -13,6 +12,7 @@ from depthwarp_kernels.filters_layers import (
     row_of_cell,
     spacing_of_cell,
 )
+from depthwarp_kernels.filters_sectors import offset_round
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)

@@ -20,6 +20,11 @@ LARGEST_DEPTH = wp.constant(wp.float32(3.0e38))
 STATE_ERASED = wp.constant(wp.uint8(3))
 
 
+SPACING = wp.constant(63)
+ALONG_LINE = wp.constant(64)
+"""Of a pixel's spacing bits: its own-layer spacing, and that its companions lie along a line."""
+
+
 @wp.struct
 class PixelGrid:
     """What filters know of a camera.
@@ -59,8 +64,20 @@ def column_in_image(column: wp.int32, columns: wp.int32, wraps: wp.int32):
     return wp.where(column >= 0 and column < columns, column, -1)
 
 
-# A cell is `depth bits << 32 | spacing << 16 | row in the area << 8 | column in the area`, so the
-# smallest cell is the nearest pixel.
+@wp.func
+def spacing_in(spacing_bits: wp.int32):
+    """Own-layer spacing [px], 0 without a pixel."""
+    return spacing_bits & SPACING
+
+
+@wp.func
+def is_along_line(spacing_bits: wp.int32):
+    """Whether the companions of a pixel lie along a line."""
+    return spacing_bits & ALONG_LINE != 0
+
+
+# A cell is `depth bits << 32 | spacing bits << 16 | row in the area << 8 | column in the area`, so
+# the smallest cell is the nearest pixel.
 @wp.func
 def depth_of_cell(cell: wp.uint64):
     """Depth [m]; NaN of an empty cell, so that no comparison with it holds."""
@@ -68,9 +85,15 @@ def depth_of_cell(cell: wp.uint64):
 
 
 @wp.func
+def spacing_bits_of_cell(cell: wp.uint64):
+    """Own-layer spacing and whether the companions lie along a line, as of the pixel."""
+    return wp.int32(wp.uint32(cell) >> wp.uint32(16))
+
+
+@wp.func
 def spacing_of_cell(cell: wp.uint64):
     """Own-layer spacing [px]."""
-    return wp.int32(wp.uint32(cell) >> wp.uint32(16))
+    return spacing_in(spacing_bits_of_cell(cell))
 
 
 @wp.func
@@ -89,6 +112,24 @@ def column_of_cell(cell: wp.uint64):
 def cells_of_level(rows: wp.int32, columns: wp.int32, level: wp.int32):
     """Areas of 1, 2, 4, ... pixels a side that an image has."""
     return (((rows - 1) >> level) + 1) * (((columns - 1) >> level) + 1)
+
+
+# Where a pixel's own depth is kept, its state alone says that it is erased.
+@wp.func
+def erase_pixel(
+    depth: wp.array3d[wp.float32],
+    index: wp.array3d[wp.int32],
+    state: wp.array3d[wp.uint8],
+    v: wp.int32,
+    row: wp.int32,
+    column: wp.int32,
+    keep_depth: wp.int32,
+):
+    """Mark a pixel as erased, and empty it unless its depth is to be kept."""
+    state[v, row, column] = STATE_ERASED
+    if keep_depth == 0:
+        depth[v, row, column] = 0.0
+        index[v, row, column] = -1
 
 
 # Isolated pixels are left out: they speak for no surface. A thread takes a block of 2 x 2 pixels,
@@ -116,7 +157,7 @@ def fill_first_levels(
         if row < rows and column < columns:
             s = wp.int32(spacing[v, row, column])
             cell = wp.uint64(EMPTY_CELL)
-            if s > 0 and s <= limit[v]:
+            if s > 0 and spacing_in(s) <= limit[v]:
                 bits = wp.uint64(wp.cast(depth[v, row, column], wp.uint32))
                 cell = (bits << wp.uint64(32)) | wp.uint64(s << 16)
                 nearest = wp.min(nearest, cell | wp.uint64(((k // 2) << 8) | (k % 2)))

@@ -7,7 +7,7 @@ take `first_row`: rows of all views counted on, and run over (rows, runs of colu
 
 import warp as wp
 
-from depthwarp_kernels.filters_layers import PixelGrid, is_present, pitch
+from depthwarp_kernels.filters_layers import ALONG_LINE, PixelGrid, is_present, pitch, spacing_in
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)
@@ -24,6 +24,10 @@ NO_RING = wp.constant(33)
 
 THINNED = wp.constant(255)
 """In the place of a spacing: the pixel lost too many of its companions."""
+
+LINE_SQUARE = wp.constant(wp.float32(11.56))
+"""Square of what the directions to four companions, of length 1, add up to along a line: 3.4 of 4
+at least, twice their angles taken."""
 
 SPACING_BINS = 34
 """Counts of a row: of each spacing from 0 to `NO_RING`."""
@@ -76,20 +80,43 @@ def bits_between(word: wp.uint32, first: wp.int32, last: wp.int32):
     return word & low & high
 
 
+# A companion is `ring << 16 | 64 + right << 8 | 64 + down`, so the smallest number is the nearest.
 @wp.func
-def with_ring(rings: wp.vec4i, ring: wp.int32):
-    """The four smallest rings, rising, after one more."""
+def with_companion(four: wp.vec4i, one: wp.int32):
+    """The four nearest companions, the nearest first, after one more."""
     return wp.vec4i(
-        wp.min(rings[0], ring),
-        wp.min(rings[1], wp.max(rings[0], ring)),
-        wp.min(rings[2], wp.max(rings[1], ring)),
-        wp.min(rings[3], wp.max(rings[2], ring)),
+        wp.min(four[0], one),
+        wp.min(four[1], wp.max(four[0], one)),
+        wp.min(four[2], wp.max(four[1], one)),
+        wp.min(four[3], wp.max(four[2], one)),
     )
 
 
-# Rows are taken from the pixel's own outwards, of each only what could still be one of the four.
 @wp.func
-def ring_of_companions(
+def ring_of(companion: wp.int32):
+    """Ring that a companion is in [px]."""
+    return companion >> 16
+
+
+# Of twice the angle to each, opposite directions are the same.
+@wp.func
+def lie_along_line(four: wp.vec4i):
+    """Whether the directions to four companions are much the same, or opposite."""
+    cosines = wp.float32(0.0)
+    sines = wp.float32(0.0)
+    for k in range(4):
+        right = wp.float32(((four[k] >> 8) & 255) - 64)
+        down = wp.float32((four[k] & 255) - 64)
+        share = wp.float32(1.0) / (right * right + down * down)
+        cosines += (right * right - down * down) * share
+        sines += wp.float32(2.0) * right * down * share
+    return cosines * cosines + sines * sines > LINE_SQUARE
+
+
+# Rows are taken from the pixel's own outwards, of each only what lies in nearer rings than the last
+# of the four; of those in its ring the first that are met stay.
+@wp.func
+def nearest_companions(
     depth: wp.array3d[wp.float32],
     words: wp.array3d[wp.uint32],
     v: wp.int32,
@@ -100,20 +127,21 @@ def ring_of_companions(
     own: wp.float32,
     slope: wp.float32,
 ):
-    """Ring of the fourth companion; above `reach` if there are fewer inside it."""
+    """The four nearest companions; the last one's ring is above `reach` if there are fewer."""
     rows = depth.shape[1]
     columns = depth.shape[2]
-    rings = wp.vec4i(reach + 1, reach + 1, reach + 1, reach + 1)
+    none = (reach + 1) << 16
+    four = wp.vec4i(none, none, none, none)
     for k in range(2 * reach + 1):
         away = (k + 1) >> 1
-        if away >= rings[3]:
+        if away >= ring_of(four[3]):
             break
         r = wp.where(k & 1 != 0, row - away, row + away)
         if r >= 0 and r < rows:
             for turn in range(-wraps, wraps + 1):
                 middle = column + turn * columns
-                first = wp.max(middle - rings[3] + 1, 0)
-                last = wp.min(middle + rings[3] - 1, columns - 1)
+                first = wp.max(middle - ring_of(four[3]) + 1, 0)
+                last = wp.min(middle + ring_of(four[3]) - 1, columns - 1)
                 for word in range(first // WORD, last // WORD + 1):
                     left = word * WORD
                     bits = bits_between(words[v, r, word], first - left, last - left)
@@ -123,12 +151,14 @@ def ring_of_companions(
                         ring = wp.max(wp.abs(c - middle), away)
                         within = LAYER_MARGIN + slope * wp.float32(ring)
                         if ring > 0 and wp.abs(depth[v, r, c] - own) <= within:
-                            rings = with_ring(rings, ring)
-    return rings[3]
+                            place = (64 + c - middle) << 8 | (64 + r - row)
+                            four = with_companion(four, ring << 16 | place)
+    return four
 
 
 # The smallest ring of whole radius, at most `FARTHEST_RING`, inside which 4 pixels are of the
-# pixel's own layer: within 0.03 m + r pitch of its depth, r the companion's own ring.
+# pixel's own layer: within 0.03 m + r pitch of its depth, r the companion's own ring; and whether
+# they lie along a line, as one bit more.
 # On a CPU one thread has a row and its counts; on CUDA several share them, hence the atomics.
 # Launch over (rows, runs).
 @wp.kernel
@@ -156,13 +186,17 @@ def find_spacing(
             slope = LAYER_SLOPE * pitch(grid, own)
             reach = int(FIRST_REACH)
             spacing = NO_RING
+            is_line = bool(False)
             while spacing == NO_RING and reach <= FARTHEST_RING:
-                ring = ring_of_companions(
+                four = nearest_companions(
                     depth, words, v, row, left + k, reach, grid.wraps, own, slope
                 )
-                spacing = wp.where(ring <= reach, ring, NO_RING)
+                if ring_of(four[3]) <= reach:
+                    spacing = ring_of(four[3])
+                    is_line = lie_along_line(four)
                 reach = reach * REACH_FACTOR
             wp.atomic_add(counts_out, v, row, spacing, 1)
+            spacing = wp.where(is_line, spacing | ALONG_LINE, spacing)
         spacing_out[v, row, left + k] = wp.uint8(spacing)
 
 
@@ -212,16 +246,17 @@ def mark_thinned(
     bits = words[v, row, left // WORD] >> wp.uint32(left % WORD)
     grid = grids[v]
     for k in range(wp.min(RUN, columns - left)):
-        reach = (3 * wp.int32(spacing_out[v, row, left + k]) - 1) // 2  # below 1.5 times as far
+        own_spacing = spacing_in(wp.int32(spacing_out[v, row, left + k]))
+        reach = (3 * own_spacing - 1) // 2  # below 1.5 times as far
         is_left = (bits >> wp.uint32(k)) & wp.uint32(1) != wp.uint32(0)
         if is_left and reach <= FARTHEST_RING:
             if is_any_near(erased, v, row, left + k, columns, reach, grid.wraps):
                 own = depth[v, row, left + k]
                 slope = LAYER_SLOPE * pitch(grid, own)
-                ring = ring_of_companions(
+                four = nearest_companions(
                     depth, words, v, row, left + k, reach, grid.wraps, own, slope
                 )
-                if ring > reach:
+                if ring_of(four[3]) > reach:
                     spacing_out[v, row, left + k] = wp.uint8(THINNED)
 
 

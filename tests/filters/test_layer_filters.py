@@ -123,6 +123,23 @@ def test_what_is_seen_through_a_window_stays(device):
     assert kept[1].all() and kept[:, 1].all()
 
 
+def test_what_is_seen_through_a_frame_stays(device):
+    """A wall behind thin bars, a point every 4 pixels, 24 pixels apart: only close to them it may
+    go, as behind a surface of such points it does."""
+    far = np.random.default_rng(7).random((96, 96)) < 0.1
+    bars, surface = np.zeros((2, 96, 96), bool)
+    bars[30, 30:55:4] = bars[54, 30:55:4] = bars[30:55:4, 30] = bars[30:55:4, 54] = True
+    surface[30:55:4, 30:55:4] = True
+    inside = np.zeros(far.shape, bool)
+    inside[38:47, 38:47] = True
+    for near, least, most in ((bars, 0.0, 0.0), (surface, 0.95, 1.0)):
+        depth = np.where(near, 3.0, np.where(far, 6.0, 0.0))
+        chain = [dw.filters.remove_hidden("surround")]
+        erased = dw.filters.apply(make_map(depth), chain, device=device)
+        gone = erased.state == dw.State.ERASED
+        assert least <= gone[inside & far & ~near].mean() <= most and not gone[near].any()
+
+
 @pytest.mark.parametrize("roll", [0.0, 15.0, 35.0])
 @pytest.mark.parametrize("share", [1.0, 0.3, 0.05])
 def test_a_perfect_slanted_floor_loses_nothing(device, share, roll):

@@ -33,10 +33,13 @@ def test_rings_of_every_size_across_words_and_the_seam(device, azimuths, share):
     rng = np.random.default_rng(8)
     depth = np.where(rng.random(SHAPE) < 0.5, 2.0, 5.0)
     depth[rng.random(SHAPE) >= share] = 0
+    depth[20, ::7] = 3.0  # along a line
     pose = dw.Pose.from_orientation((0, 0, 0), (0, 0, 0))
     camera = dw.EquirectangularCamera(*SHAPE[::-1], pose, azimuths=azimuths)
     depth_map = make_map(depth, camera)
     grid = Grid(*camera.pixel_pitch, wraps=camera.wraps)
-    expected = spacing_of(depth_map.depth, depth_map.state, grid)
-    assert expected.max() > 2
-    np.testing.assert_array_equal(spacing(depth_map, device), expected)
+    expected, lines = spacing_of(depth_map.depth, depth_map.state, grid)
+    assert expected.max() > 2 and 0 < lines.sum() < (expected > 0).sum()
+    found = spacing(depth_map, device)
+    np.testing.assert_array_equal(found & 63, expected)
+    np.testing.assert_array_equal(found & 64 != 0, lines)

@@ -31,38 +31,51 @@ def erased(maps: Maps, hidden: np.ndarray, keep_depth: bool) -> Maps:
 
 
 def surround_erase(maps: Maps, grid: Grid, keep_depth: bool = False) -> Maps:
-    """A pixel goes if nearer pixels, each within its reach, stand round it; or if its spacing has
-    become 1.5 times what it was, or more, when those are gone."""
+    """A pixel goes if nearer pixels, each within its reach, stand closely round it; or if its
+    spacing has become 1.5 times what it was, or more, when those are gone."""
     depth, _, state = maps
-    rows, columns = depth.shape
-    spacings = spacing_of(depth, state, grid)
-    levels = pyramid_of(depth, spacings)
+    spacings, lines = spacing_of(depth, state, grid)
+    levels = pyramid_of(depth, spacings, lines)
     hidden = np.zeros(depth.shape, bool)
     for row, column in np.argwhere(present(depth, state)):
-        own, own_spacing = depth[row, column], spacings[row, column]
         sectors: set[int] = set()
-        for level, cells in enumerate(levels):
-            for r in range((row >> level) - 1, (row >> level) + 2):
-                for c in range((column >> level) - 1, (column >> level) + 2):
-                    side = grid.column(c, len(cells[0]))
-                    if not 0 <= r < len(cells) or side < 0 or cells[r][side] is None:
-                        continue
-                    near, spacing, q_row, q_column = cells[r][side]
-                    y, x = q_row - row, grid.offset(q_column - column, columns)
-                    way = np.sqrt(f32(x * x + y * y))
-                    margin = f32(0.02) + f32(0.002) * own
-                    step = f32(0.5) * way * grid.pitch(near)
-                    reach = f32(1.5) if spacing == 1 else f32(2.5) * f32(spacing)
-                    near_enough = way <= reach and spacing <= 6 * own_spacing
-                    near_enough &= spacing > 1 or own_spacing > 1
-                    if near_enough and own - near > margin + step:
-                        sectors.add(sector(x, y))
-            hidden[row, column] |= surrounded(sectors, 11)
+        ways = np.full(8, f32(1e6))
+        for x, y, way in _hiding(depth, spacings, lines, levels, grid, row, column):
+            k = sector(x, y)
+            sectors.add(k)
+            ways[k // 4] = min(ways[k // 4], way)
+        run = next((n for n in range(32) if surrounded(sectors, n)), 32)
+        gap = min(ways[k] + ways[(k + apart) % 8] for k in range(8) for apart in (3, 4))
+        loose = f32(run) + f32(8) * gap + (f32(4) if lines[row, column] else f32(0))
+        hidden[row, column] = run <= 14 and loose <= f32(23.5)
     left = np.where(hidden, ERASED, state)
     # No spacing above 32 is known: what might have grown beyond it is left alone.
-    thinned = 2 * spacing_of(depth, left, grid) >= 3 * spacings
+    thinned = 2 * spacing_of(depth, left, grid)[0] >= 3 * spacings
     hidden |= present(depth, left) & (3 * spacings <= 2 * FARTHEST_RING + 2) & thinned
     return erased(maps, hidden, keep_depth)
+
+
+def _hiding(depth, spacings, lines, levels, grid, row, column):
+    """What hides towards a pixel: (right, down, distance in what it stands for)."""
+    own, own_spacing = depth[row, column], spacings[row, column]
+    for level, cells in enumerate(levels):
+        for r in range((row >> level) - 1, (row >> level) + 2):
+            for c in range((column >> level) - 1, (column >> level) + 2):
+                side = grid.column(c, len(cells[0]))
+                if not 0 <= r < len(cells) or side < 0 or cells[r][side] is None:
+                    continue
+                near, spacing, q_row, q_column = cells[r][side]
+                y, x = q_row - row, grid.offset(q_column - column, depth.shape[1])
+                square = f32(x * x + y * y)
+                extent = f32(0.6) * f32(spacing) if lines[q_row, q_column] else f32(spacing)
+                reach_square = f32(2) if spacing == 1 else f32(9) * extent * extent
+                if square > reach_square or spacing > max(6 * own_spacing, 12):
+                    continue
+                way = np.sqrt(square)
+                margin = f32(0.02) + f32(0.002) * own
+                step = f32(0.5) * way * grid.pitch(near)
+                if (spacing > 1 or own_spacing > 1) and own - near > margin + step:
+                    yield x, y, way if spacing == 1 else (way - f32(0.5)) / extent
 
 
 def cone_erase(maps: Maps, grid: Grid, radius: int, angle: float) -> Maps:
@@ -100,7 +113,7 @@ def plane_fill(maps: Maps, grid: Grid) -> Maps:
     out = tuple(array.copy() for array in maps)
     rows, columns = depth.shape
     there = present(depth, state)
-    levels = pyramid_of(depth, spacing_of(depth, state, grid))
+    levels = pyramid_of(depth, *spacing_of(depth, state, grid))
 
     def fill(top, left, size, layer):
         plane, (z, x, y, _) = layer

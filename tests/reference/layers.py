@@ -49,26 +49,55 @@ def present(depth: np.ndarray, state: np.ndarray) -> np.ndarray:
         return (depth > 0) & (depth < f32(3e38)) & (state != ERASED)
 
 
-def spacing_of(depth: np.ndarray, state: np.ndarray, grid: Grid) -> np.ndarray:
-    """Own-layer spacing S of every pixel [px]; 0 = empty, 33 = none up to 32 px."""
-    rows, columns = depth.shape
+def spacing_of(depth: np.ndarray, state: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Own-layer spacing S of every pixel [px]; 0 = empty, 33 = none up to 32 px. And whether the
+    four companions lie along a line."""
     there = present(depth, state)
-    spacing = np.zeros(depth.shape, int)
+    spacing, lines = np.zeros(depth.shape, int), np.zeros(depth.shape, bool)
     for row, column in np.argwhere(there):
-        own = depth[row, column]
-        found, r = 0, 0
-        while found < COMPANIONS and r < FARTHEST_RING:
-            r += 1
-            within = f32(0.03) + f32(1.0) * grid.pitch(own) * f32(r)
-            for y in range(-r, r + 1):
-                for x in range(-r, r + 1):
-                    c = grid.column(column + x, columns)
-                    if max(abs(x), abs(y)) < r or not 0 <= row + y < rows or c < 0:
-                        continue
-                    if there[row + y, c] and abs(depth[row + y, c] - own) <= within:
-                        found += 1
-        spacing[row, column] = r if found >= COMPANIONS else NO_RING
-    return spacing
+        spacing[row, column] = NO_RING
+        for reach in (2, 8, FARTHEST_RING):
+            four = _companions(depth, there, grid, row, column, reach)
+            if len(four) == COMPANIONS:
+                spacing[row, column] = four[-1][0]
+                lines[row, column] = _lie_along_line(four)
+                break
+    return spacing, lines
+
+
+def _companions(depth, there, grid, row, column, reach):
+    """The four nearest companions, as (ring, right, down): rows from the pixel's own outwards, of
+    each the pixels in nearer rings than that of the fourth so far."""
+    rows, columns = depth.shape
+    own = depth[row, column]
+    four: list[tuple[int, int, int]] = []
+    for k in range(2 * reach + 1):
+        away = (k + 1) // 2
+        down = -away if k % 2 else away
+        if not 0 <= row + down < rows:
+            continue
+        for turn in (-1, 0, 1) if grid.wraps else (0,):
+            most = four[-1][0] - 1 if len(four) == COMPANIONS else reach
+            for right in range(-most, most + 1):
+                c = column + right - turn * columns
+                ring = max(abs(right), away)
+                if not 0 <= c < columns or ring == 0 or not there[row + down, c]:
+                    continue
+                within = f32(0.03) + f32(1.0) * grid.pitch(own) * f32(ring)
+                if away <= most and abs(depth[row + down, c] - own) <= within:
+                    four = sorted([*four, (ring, right, down)])[:COMPANIONS]
+    return four
+
+
+def _lie_along_line(four) -> bool:
+    """Whether directions, their angles taken twice, add up to 3.4 of 4 or more."""
+    cosines, sines = f32(0), f32(0)
+    for _, right, down in four:
+        x, y = f32(right), f32(down)
+        share = f32(1) / (x * x + y * y)
+        cosines = cosines + (x * x - y * y) * share
+        sines = sines + f32(2) * x * y * share
+    return bool(cosines * cosines + sines * sines > f32(11.56))
 
 
 def limit_of(spacing: np.ndarray) -> int:
@@ -78,8 +107,11 @@ def limit_of(spacing: np.ndarray) -> int:
     return min(max(8 * median, 16), FARTHEST_RING)
 
 
-def pyramid_of(depth: np.ndarray, spacing: np.ndarray) -> list[list[list[tuple | None]]]:
-    """Of every area of 1, 2, 4, ... pixels a side the nearest (depth, S, row, column), or None."""
+def pyramid_of(
+    depth: np.ndarray, spacing: np.ndarray, lines: np.ndarray
+) -> list[list[list[tuple | None]]]:
+    """Of every area of 1, 2, 4, ... pixels a side the nearest (depth, S, row, column), or None; of
+    equal depths first those not along a line, then those of the smaller S."""
     rows, columns = depth.shape
     known = (spacing > 0) & (spacing <= limit_of(spacing))
     levels = []
@@ -90,12 +122,13 @@ def pyramid_of(depth: np.ndarray, spacing: np.ndarray) -> list[list[list[tuple |
             line = []
             for left in range(0, columns, side):
                 area = [
-                    (depth[row, column], int(spacing[row, column]), row, column)
+                    (depth[row, column], lines[row, column], int(spacing[row, column]), row, column)
                     for row in range(top, min(top + side, rows))
                     for column in range(left, min(left + side, columns))
                     if known[row, column]
                 ]
-                line.append(min(area) if area else None)
+                nearest = min(area) if area else None
+                line.append(nearest and (nearest[0], *nearest[2:]))
             cells.append(line)
         levels.append(cells)
     return levels
