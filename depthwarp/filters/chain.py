@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
-from depthwarp.depth_map import DepthMap
+from depthwarp.depth_map import DepthMap, State
 from depthwarp.devices import resolve_device
 from depthwarp.errors import InputError
 from depthwarp.filters.dilation import dilate
@@ -67,7 +67,8 @@ def apply(
 
     Raises:
         InputError: Not a sequence of filters, maps of another size than the camera's image, a depth
-            that is negative or not finite, or an `out` of another size or type.
+            that is negative or not finite, a state that is none or contradicts the depth, or an
+            `out` of another size or type.
         DeviceError: The device is not on this machine.
     """
     chain = check_filters(filters)
@@ -118,4 +119,21 @@ def _check_maps(depth_map: DepthMap) -> None:
         raise InputError(
             f"depth must be finite and not negative, got {depth_map.depth[row, column]} at "
             f"[{row}, {column}]: an empty pixel has depth 0, index -1 and State.EMPTY"
+        )
+    _check_states(depth_map)
+
+
+def _check_states(depth_map: DepthMap) -> None:
+    state = depth_map.state
+    for row, column in np.argwhere(~np.isin(state, list(State))).tolist():
+        raise InputError(
+            f"state must hold values of dw.State, got {state[row, column]} at [{row}, {column}]"
+        )
+    is_empty = depth_map.depth == 0
+    has_none = (state == State.EMPTY) | ((state == State.ERASED) & is_empty)
+    for row, column in np.argwhere(has_none != is_empty).tolist():
+        raise InputError(
+            f"state must be EMPTY or ERASED where depth is 0, and not EMPTY where it is not, got "
+            f"{State(state[row, column]).name} with depth {depth_map.depth[row, column]:g} at "
+            f"[{row}, {column}]"
         )

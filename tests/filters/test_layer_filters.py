@@ -365,6 +365,25 @@ def test_what_is_no_depth_is_refused(depth):
         dw.filters.apply(make_map(values), dw.filters.best())
 
 
+@pytest.mark.parametrize(
+    ("depth", "state", "message"),
+    [
+        (2.0, 99, r"values of dw.State, got 99 at \[2, 3\]"),
+        (0.0, dw.State.MEASURED, r"got MEASURED with depth 0 at \[2, 3\]"),
+        (0.0, dw.State.FILLED_BORDER, r"got FILLED_BORDER with depth 0 at \[2, 3\]"),
+        (2.5, dw.State.EMPTY, r"got EMPTY with depth 2.5 at \[2, 3\]"),
+    ],
+)
+def test_states_that_contradict_the_depth_are_refused(depth, state, message):
+    """And those that mean nothing; an erased pixel may hold its depth or none."""
+    depths, states = np.ones((4, 5)), np.full((4, 5), dw.State.MEASURED)
+    depths[0, :2], states[0, :2] = (0.0, 3.0), dw.State.ERASED
+    dw.filters.apply(make_map(depths, state=states), dw.filters.best())
+    depths[2, 3], states[2, 3] = depth, state
+    with pytest.raises(InputError, match=message):
+        dw.filters.apply(make_map(depths, state=states), dw.filters.best())
+
+
 def test_a_result_is_written_where_it_is_wanted(device):
     """Into the arrays of another map, or of the map itself; what does not fit is refused."""
     wall = sparse(make_map(np.full((60, 80), 4.0)), 0.3)
