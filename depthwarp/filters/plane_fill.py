@@ -25,8 +25,9 @@ class PlaneFill:
     pixels there. If its directions leave no run of more than 18 of 32 sectors empty, a plane
     1/z = a + b u + c v is fitted with weights 1 / (d^2 + 0.25 px^2), and its depth, kept within
     those of the samples, is written as FILLED. If not, the next deeper layer is tried, of three.
-    What none surrounds takes the depth of the sample nearest in the image, as FILLED_BORDER. The
-    index is that of the layer's pixel nearest in the image.
+    What none surrounds takes the depth of the nearest sample in the image of those that are at most
+    their own S away, as FILLED_BORDER; without one it stays empty. The index is that of the layer's
+    pixel nearest in the image.
 
     A block of 4 x 4 is filled as one where all its samples, which reach 1.5 px farther then, are
     one layer that surrounds it; depths are kept within half the layer's thickness of it. Else each

@@ -9,8 +9,10 @@ import warp as wp
 from depthwarp_kernels.filters_fill_planes import Moments, add_to, depth_of_plane, plane_of
 from depthwarp_kernels.filters_fill_samples import (
     MOST_SAMPLES,
-    closest_sample,
+    closest_at_border,
+    column_of_sample,
     gather_samples,
+    row_of_sample,
     squared,
 )
 from depthwarp_kernels.filters_layers import PixelGrid, is_present, pitch
@@ -144,8 +146,8 @@ def write_block(
 ):
     """Fill the empty pixels of a block: with a plane's depths, or all with one, as at a border."""
     columns = depth_out.shape[2]
-    source = (left + ((right + size - 1) >> 1) + columns) % columns
-    index = index_out[v, top + ((down + size - 1) >> 1), source]
+    source = column_of_sample(right, left, size, columns)
+    index = index_out[v, row_of_sample(down, top, size), source]
     for k in range(size * size):
         row = k // size
         column = k % size
@@ -200,7 +202,9 @@ def fill_quarter(
     if inside:
         plane = plane_through(layer, depth, right, down, count)
     else:
-        chosen = closest_sample(depth, right, down, count)
+        chosen = closest_at_border(cells, v, top, left, columns, depth, right, down, count)
+        if chosen < 0:
+            return
         near = depth[chosen]
     write_block(
         empty,

@@ -26,6 +26,9 @@ ENOUGH = wp.constant(4)
 FILL_REACH_2 = wp.constant(3)
 """A sample speaks for pixels up to 1.5 times its spacing away: in half pixels, 3 times."""
 
+BORDER_REACH_2 = wp.constant(2)
+"""Where nothing surrounds them, for those up to its spacing away: in half pixels, twice."""
+
 
 @wp.func
 def squared(right: wp.int32, down: wp.int32):
@@ -121,18 +124,40 @@ def gather_samples(
 
 
 @wp.func
-def closest_sample(
+def row_of_sample(down: wp.int32, top: wp.int32, size: wp.int32):
+    """Row of a sample, by its offset from the middle of a block at `top`."""
+    return top + ((down + size - 1) >> 1)
+
+
+@wp.func
+def column_of_sample(right: wp.int32, left: wp.int32, size: wp.int32, columns: wp.int32):
+    """Column of a sample, round the turn where the image wraps."""
+    return (left + ((right + size - 1) >> 1) + columns) % columns
+
+
+# Of the samples of a block of 2 x 2; of several the one with the smallest depth.
+@wp.func
+def closest_at_border(
+    cells: wp.array2d[wp.uint64],
+    v: wp.int32,
+    top: wp.int32,
+    left: wp.int32,
+    columns: wp.int32,
     depth: wp.array[wp.float32],
     right: wp.array[wp.int32],
     down: wp.array[wp.int32],
     count: wp.int32,
 ):
-    """The sample nearest in the image, of several the one with the smallest depth."""
-    best = int(0)
-    least = squared(right[0], down[0])
-    for k in range(1, count):
+    """The sample nearest in the image of those that reach so far at a border; -1 without one."""
+    best = int(-1)
+    least = int(0)
+    for k in range(count):
+        row = row_of_sample(down[k], top, 2)
+        column = column_of_sample(right[k], left, 2, columns)
+        reach = BORDER_REACH_2 * spacing_of_cell(cells[v, row * columns + column])
         way = squared(right[k], down[k])
-        if way < least or (way == least and depth[k] < depth[best]):
-            best = k
-            least = way
+        if way <= reach * reach:
+            if best < 0 or way < least or (way == least and depth[k] < depth[best]):
+                best = k
+                least = way
     return best

@@ -147,13 +147,14 @@ def plane_fill(maps: Maps, grid: Grid) -> Maps:
             for part_top in range(top, min(top + 4, rows), 2):
                 for part_left in range(left, min(left + 4, columns), 2):
                     samples = _samples(levels, grid, part_top, part_left, 2, f32(0), columns)
-                    if samples:
-                        fill(part_top, part_left, 2, _layer(samples, grid))
+                    layer = _layer(samples, grid)
+                    if layer is not None:
+                        fill(part_top, part_left, 2, layer)
     return out
 
 
 def _samples(levels, grid, top, left, size, more, columns):
-    """(depth, x, y from the block's middle [px], distance) of what reaches it, in order."""
+    """(depth, x, y from the block's middle [px], (distance, S)) of what reaches it, in order."""
     samples, seen = [], set()
     for level, cells in enumerate(levels):
         below = max(size >> level, 1)
@@ -170,7 +171,7 @@ def _samples(levels, grid, top, left, size, more, columns):
                 way = f32(0.5) * np.sqrt(f32(4 * (x * x + y * y)))
                 if way <= f32(1.5) * f32(spacing) + more and (row, column) not in seen:
                     seen.add((row, column))
-                    samples.append((near, x, y, way))
+                    samples.append((near, x, y, (way, spacing)))
         if len(samples) >= 4:
             break
     return samples
@@ -207,7 +208,7 @@ def _filled(near, far, members, start):
 
 def _layer(samples, grid):
     """The plane of the first layer that surrounds, with its nearest and farthest depth, or None;
-    and the sample nearest to the middle."""
+    and the sample nearest to the middle, at a border of those within their S. None without one."""
     beyond = f32(0)
     for _ in range(3):
         layer = _layer_from(samples, beyond, grid)
@@ -216,7 +217,10 @@ def _layer(samples, grid):
         if _surrounds(layer[2]):
             return _filled(*layer)
         beyond = layer[1]
-    return None, min(samples, key=lambda s: (s[3], s[0]))
+    near_enough = [s for s in samples if s[3][0] <= f32(s[3][1])]
+    if not near_enough:
+        return None
+    return None, min(near_enough, key=lambda s: (s[3][0], s[0]))
 
 
 def _plane(members):
