@@ -22,20 +22,21 @@ __all__ = ["SurroundErase"]
 class SurroundErase:
     """Erase by surrounding: a pixel p goes if nearer pixels stand closely round it on all sides.
 
-    Every pixel q stands for a piece of its surface, E wide [px]. E is its own spacing S, the radius
+    Every pixel q stands for its surface up to E px round it. E is its own spacing S, the radius
     of the smallest square ring [px] that holds 4 pixels of q's layer: within 0.03 m + r g of its
     depth, r px away, g the metres between neighbouring pixels there (`Camera.pixel_pitch`); and
-    0.6 S where those 4 lie along a line. q hides towards p, d px away, if it is nearer by more than
-    0.02 m + 0.002 z_p + 0.5 d g, if d is at most 3 E, or 1.5 px where S is 1, and if S is at most
-    12 px or 6 times that of p, and not 1 for both. A q with S above 8 times the view's median (from
+    0.6 S where those 4 lie along a line: their directions, angles doubled, add up to over 3.4. q
+    hides towards p, d px away, if it is nearer by more than 0.02 m + 0.002 z_p + 0.5 d g, if d is
+    at most 3 E, or 1.5 px where S is 1, and if S is at most 12 px or 6 times that of p, and not 1
+    for both. A q with S above 8 times the view's median (from
     16 to 32 px) is isolated and hides nothing.
 
     p goes when the directions of what hides leave no longer run of 32 sectors empty than 14, and
     when that run + 8 w is at most 23.5; 19.5 where p's own companions lie along a line. w is the
-    width of the gap: of two hiding pixels on opposite sides of p, 3 to 5 octants apart, the least
-    sum of (d - 0.5) / E, or of d where S is 1. What lies on one side of a straight line leaves a
-    run of 15 at least. Then a pixel goes, too, whose S, at most 22, has become 1.5 times what it
-    was, or more: of a surface that is hidden most went before.
+    width of the gap: of two hiding pixels in octants 3 to 5 apart, so over 90 degrees, the
+    least sum of (d - 0.5) / E, or of d where S is 1. What lies on one side of a straight line
+    leaves a run of 15 at least. Then a pixel goes, too, whose S, at most 22, has become 1.5 times
+    what it was, or more: of a surface that is hidden most went before.
 
     The distance term spares slanted surfaces, the sectors true edges, the gap what is seen through
     windows, and the spacing makes the reach fit the density of every surface. The numbers were

@@ -113,8 +113,9 @@ def lie_along_line(four: wp.vec4i):
     return cosines * cosines + sines * sines > LINE_SQUARE
 
 
-# Rows are taken from the pixel's own outwards, of each only what lies in nearer rings than the last
-# of the four; of those in its ring the first that are met stay.
+# Rows are taken from the pixel's own outwards, the upper before the lower, of each only what lies
+# in nearer rings than the last of the four. Of a row's in one ring the leftmost stay, also at a
+# seam.
 @wp.func
 def nearest_companions(
     depth: wp.array3d[wp.float32],
@@ -134,14 +135,15 @@ def nearest_companions(
     four = wp.vec4i(none, none, none, none)
     for k in range(2 * reach + 1):
         away = (k + 1) >> 1
-        if away >= ring_of(four[3]):
+        most = ring_of(four[3]) - 1
+        if away > most:
             break
         r = wp.where(k & 1 != 0, row - away, row + away)
         if r >= 0 and r < rows:
             for turn in range(-wraps, wraps + 1):
                 middle = column + turn * columns
-                first = wp.max(middle - ring_of(four[3]) + 1, 0)
-                last = wp.min(middle + ring_of(four[3]) - 1, columns - 1)
+                first = wp.max(middle - most, 0)
+                last = wp.min(middle + most, columns - 1)
                 for word in range(first // WORD, last // WORD + 1):
                     left = word * WORD
                     bits = bits_between(words[v, r, word], first - left, last - left)

@@ -43,3 +43,18 @@ def test_rings_of_every_size_across_words_and_the_seam(device, azimuths, share):
     found = spacing(depth_map, device)
     np.testing.assert_array_equal(found & 63, expected)
     np.testing.assert_array_equal(found & 64 != 0, lines)
+
+
+def test_companions_across_the_seam_are_those_inside(device):
+    """Two that lie equally near, one of them beyond the seam: the same is taken as elsewhere."""
+    depth = np.zeros((20, 64))
+    depth[[10, 9, 8, 11, 7, 7], [62, 62, 62, 62, 0, 59]] = 2.0
+    pose = dw.Pose.from_orientation((0, 0, 0), (0, 0, 0))
+    camera = dw.EquirectangularCamera(64, 20, pose)
+    grid = Grid(*camera.pixel_pitch, wraps=camera.wraps)
+    inside = spacing(make_map(np.roll(depth, 32, axis=1), camera), device)
+    across = make_map(depth, camera)
+    np.testing.assert_array_equal(np.roll(inside, -32, axis=1), spacing(across, device))
+    rings, lines = spacing_of(across.depth, across.state, grid)
+    np.testing.assert_array_equal(spacing(across, device), rings + 64 * lines)
+    assert rings[10, 62] == 3

@@ -76,10 +76,10 @@ def _companions(depth, there, grid, row, column, reach):
         down = -away if k % 2 else away
         if not 0 <= row + down < rows:
             continue
+        most = four[-1][0] - 1 if len(four) == COMPANIONS else reach
         for turn in (-1, 0, 1) if grid.wraps else (0,):
-            most = four[-1][0] - 1 if len(four) == COMPANIONS else reach
             for right in range(-most, most + 1):
-                c = column + right - turn * columns
+                c = column + right + turn * columns
                 ring = max(abs(right), away)
                 if not 0 <= c < columns or ring == 0 or not there[row + down, c]:
                     continue
