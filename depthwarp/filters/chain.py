@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,8 +17,10 @@ from depthwarp.filters.dilation import dilate
 from depthwarp.filters.filling import fill
 from depthwarp.filters.hidden import remove_hidden
 from depthwarp.filters.maps import DeviceMaps, Filter, device_grids
+from depthwarp.filters.plane_fill import PlaneFill
+from depthwarp.filters.surround_erase import SurroundStep
 
-__all__ = ["apply", "best", "check_filters", "paper"]
+__all__ = ["apply", "best", "build_steps", "check_filters", "paper"]
 
 MAPS = ("depth", "index", "state")
 
@@ -47,6 +49,21 @@ def check_filters(filters: Sequence[Filter] | None) -> tuple[Filter, ...]:
             f"or [dw.filters.fill()], got {filters!r}"
         )
     return tuple(filters)
+
+
+def build_steps(filters: Sequence[Filter], maps: DeviceMaps) -> list[Callable[[], None]]:
+    """The steps of a chain, in order; each allocates its working memory now, see `Filter.build`.
+
+    A plane fill right after a surround erase goes on with what that found, to the same result.
+    """
+    steps: list[Callable[[], None]] = []
+    for one in filters:
+        before = steps[-1] if steps else None
+        if isinstance(one, PlaneFill) and isinstance(before, SurroundStep):
+            steps.append(one.build_after(before))
+        else:
+            steps.append(one.build(maps))
+    return steps
 
 
 def apply(
@@ -86,8 +103,8 @@ def apply(
         state=upload(depth_map.state, wp.uint8),
         grids=device_grids([depth_map.camera], target),
     )
-    for step in chain:
-        step.build(maps)()
+    for step in build_steps(chain, maps):
+        step()
     filtered = {name: getattr(maps, name).numpy()[0] for name in MAPS}
     if out is not None:
         for name in MAPS:

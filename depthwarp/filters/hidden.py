@@ -26,8 +26,8 @@ def remove_hidden(
     """A filter that erases points seen through the gaps of a nearer surface.
 
     Args:
-        method: `"surround"`: a pixel goes if nearer ones stand round it on all sides, each within
-            the spacing of its own surface; needs no setting; see `SurroundErase`. `"cone"`: a pixel
+        method: `"surround"`: a pixel goes if it lies in the gaps of nearer surfaces, which stand
+            round it on all sides; needs no setting; see `SurroundErase`. `"cone"`: a pixel
             goes if it sees too little of what lies towards the camera; see `ConeErase`. `"paper"`:
             section 3.4, with "a neighbourhood area of 10 px" read as a window of side 10; `side=21`
             is the other reading (a radius of 10); see `PaperErase`.

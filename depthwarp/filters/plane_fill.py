@@ -9,6 +9,7 @@ from depthwarp.filters.maps import DeviceMaps
 from depthwarp.filters.pyramid import PYRAMID_BYTES, Pyramid
 from depthwarp.filters.rows import row_launch
 from depthwarp.filters.sectors import device_sectors
+from depthwarp.filters.surround_erase import SurroundStep
 from depthwarp_kernels.filters_fill import fill_planes
 
 __all__ = ["PlaneFill"]
@@ -40,18 +41,26 @@ class PlaneFill:
     def build(self, maps: DeviceMaps) -> Callable[[], None]:
         """Allocate the pyramid and return the step; see `Filter.build`."""
         pyramid = Pyramid(maps)
-        _, rows, columns = maps.depth.shape
-        blocks = -(-rows // 4), -(-columns // 4)
-        fill = row_launch(
-            fill_planes,
-            maps,
-            [pyramid.cells, device_sectors(maps.depth.device), maps.grids],
-            [maps.depth, maps.index, maps.state],
-            blocks,
-        )
+        return _fill_step(maps, pyramid, pyramid.reading(extents=False))
 
-        def step() -> None:
-            pyramid.build()
-            fill()
+    def build_after(self, erase: SurroundStep) -> Callable[[], None]:
+        """The same step for right after another, whose pyramid it goes on with."""
+        return _fill_step(erase.maps, erase.pyramid, erase.pyramid.leaving_out(erase.hidden))
 
-        return step
+
+def _fill_step(maps: DeviceMaps, pyramid: Pyramid, build: Callable[[], None]) -> Callable[[], None]:
+    _, rows, columns = maps.depth.shape
+    blocks = -(-rows // 4), -(-columns // 4)
+    fill = row_launch(
+        fill_planes,
+        maps,
+        [pyramid.cells, device_sectors(maps.depth.device), maps.grids],
+        [maps.depth, maps.index, maps.state],
+        blocks,
+    )
+
+    def step() -> None:
+        build()
+        fill()
+
+    return step

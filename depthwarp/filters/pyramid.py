@@ -13,12 +13,13 @@ from depthwarp.filters.maps import DeviceMaps
 from depthwarp.filters.rows import row_launch
 from depthwarp_kernels import filters_layers as layers
 from depthwarp_kernels import filters_spacing as spacings
+from depthwarp_kernels.filters_layers import WORD
 
 __all__ = ["PYRAMID_BYTES", "Pyramid", "check_cells", "level_sizes"]
 
 MOST_CELLS = (1 << 31) - 1
 
-PYRAMID_BYTES = 12
+PYRAMID_BYTES = 13
 """Working memory a pixel: spacing, cells of all levels, and bits."""
 
 
@@ -26,65 +27,85 @@ class Pyramid:
     """Own-layer spacing of every pixel, and the nearest pixel of every area of 1 to 16 pixels.
 
     Args:
-        maps: The maps that `build` will read.
+        maps: The maps that its steps will read.
 
     Attributes:
-        spacing: Own-layer spacing S [px], shape (V, H, W), uint8: 0 = empty, 33 = none found; 64
-            more where the companions lie along a line. `SurroundErase` marks in it what lost its
-            companions: 255.
-        limit: Spacing above which a pixel is isolated, by view, shape (V,), int32.
+        spacing: Own-layer spacing S [px], shape (V, H, W), uint16: 0 = empty, 33 = none found; see
+            `depthwarp_kernels.filters_layers` for what its upper bits hold.
         words: Which pixels are there, 32 a word, shape (V, H, words), uint32.
         cells: All levels, one after the other, row by row, shape (V, cells), uint64.
     """
 
     def __init__(self, maps: DeviceMaps) -> None:
+        self._maps = maps
         depth, device = maps.depth, maps.depth.device
         views, rows, columns = depth.shape
-        self.spacing = arrays.empty(depth.shape, wp.uint8, device)
-        self.limit = arrays.empty(views, wp.int32, device)
+        self._sizes = level_sizes(rows, columns, layers.LEVELS)
+        check_cells(self._sizes)
+        self.words = arrays.empty((views, rows, -(-columns // WORD)), wp.uint32, device)
+        self.spacing = arrays.empty(depth.shape, wp.uint16, device)
         self._row_counts = arrays.empty((views, rows, spacings.SPACING_BINS), wp.int32, device)
-        counts = arrays.empty((views, spacings.SPACING_BINS), wp.int32, device)
-        sizes = level_sizes(rows, columns, layers.LEVELS)
-        check_cells(sizes)
-        firsts = [sum(r * c for r, c in sizes[:level]) for level in range(len(sizes))]
-        self.cells = arrays.empty((views, sum(r * c for r, c in sizes)), wp.uint64, device)
+        self._counts = arrays.empty((views, spacings.SPACING_BINS), wp.int32, device)
+        self._limit = arrays.empty(views, wp.int32, device)
+        cells = sum(r * c for r, c in self._sizes)
+        self.cells = arrays.empty((views, cells), wp.uint64, device)
 
-        words = self.words = arrays.empty(
-            (views, rows, -(-columns // spacings.WORD)), wp.uint32, device
+    def reading(self, *, extents: bool) -> Callable[[], None]:
+        """A step that reads the maps.
+
+        Args:
+            extents: Whether to find, beside the spacing, how far a pixel stands for its surface.
+        """
+        maps, words = self._maps, self.words
+        mark = row_launch(
+            spacings.mark_present, maps, [maps.depth, maps.state], [words], words.shape[1:]
         )
-        runs = rows, -(-columns // spacings.RUN)
-        maps_read = [depth, maps.state]
-        self._steps = [
-            row_launch(spacings.mark_present, maps, maps_read, [words], words.shape[1:]),
-            row_launch(
-                spacings.find_spacing,
-                maps,
-                [depth, words, maps.grids],
-                [self.spacing, self._row_counts],
-                runs,
-            ),
+        inputs = [maps.depth, words, maps.grids, int(extents)]
+        return self._building([mark, self._spacing_launch(spacings.find_spacing, inputs)], extents)
+
+    def leaving_out(self, erased: Any) -> Callable[[], None]:
+        """A step that goes on from the last one, without extents, when pixels have been erased.
+
+        Args:
+            erased: Which they are, of the shape of `words`; `words` knows of it.
+        """
+        inputs = [self._maps.depth, self.words, erased, self._maps.grids]
+        return self._building([self._spacing_launch(spacings.renew_spacing, inputs)], False)
+
+    def _spacing_launch(self, kernel: Any, inputs: list[Any]) -> Callable[[], None]:
+        _, rows, columns = self._maps.depth.shape
+        written = [self.spacing, self._row_counts]
+        return row_launch(kernel, self._maps, inputs, written, (rows, -(-columns // spacings.RUN)))
+
+    def _building(self, steps: list[Callable[[], None]], extents: bool) -> Callable[[], None]:
+        maps, counts, limit = self._maps, self._counts, self._limit
+        device, sizes = maps.depth.device, self._sizes
+        launches = [
+            *steps,
             _launch(spacings.sum_counts, counts.shape, [self._row_counts], [counts], device),
-            _launch(spacings.find_limit, (views,), [counts], [self.limit], device),
+            _launch(spacings.find_limit, limit.shape, [counts], [limit], device),
             row_launch(
                 layers.fill_first_levels,
                 maps,
-                [depth, self.spacing, self.limit],
+                [maps.depth, self.words, self.spacing, limit, int(extents)],
                 [self.cells],
-                sizes[1],
+                (sizes[1][0], self.words.shape[2]),
             ),
         ]
+        firsts = [sum(r * c for r, c in sizes[:level]) for level in range(len(sizes))]
         for level in range(2, layers.LEVELS):
             below = sizes[level - 1]
             numbers = [firsts[level - 1], firsts[level], *below, level]
-            self._steps.append(
+            launches.append(
                 row_launch(layers.fill_next_level, maps, numbers, [self.cells], sizes[level])
             )
 
-    def build(self) -> None:
-        """Read the maps anew."""
-        self._row_counts.zero_()
-        for step in self._steps:
-            step()
+        def build() -> None:
+            self._row_counts.zero_()
+            for launch in launches:
+                launch()
+
+        return build
 
 
 def level_sizes(rows: int, columns: int, levels: int) -> list[tuple[int, int]]:

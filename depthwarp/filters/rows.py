@@ -16,8 +16,8 @@ __all__ = ["row_launch"]
 PARTS_A_THREAD = 16
 """Parts that a thread takes one after the other, so that none waits long for the last."""
 
-LEAST_ITEMS = 1 << 12
-"""Pixels, or blocks or runs of them, of a part below which a thread costs more than it saves."""
+LEAST_PIXELS = 1 << 13
+"""Pixels of a part below which a thread costs more than it saves."""
 
 
 def row_launch(
@@ -42,11 +42,12 @@ def row_launch(
     device = maps.depth.device
     threads = usable_cores() if maps.threads is None else maps.threads
     views, *image = maps.depth.shape
+    pixels = views * image[0] * image[1]
     rows, columns = image if size is None else size
     rows *= views
     count = 1
     if not device.is_cuda:
-        most = max(rows * columns // LEAST_ITEMS, 1)
+        most = max(pixels // LEAST_PIXELS, 1)
         count = 1 if threads == 1 else min(threads * PARTS_A_THREAD, most, rows)
     firsts = [rows * part // count for part in range(count + 1)]
     commands: list[Any] = [

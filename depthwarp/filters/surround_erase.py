@@ -1,8 +1,7 @@
-"""Erasing pixels that nearer ones surround, each within the spacing of its own surface."""
+"""Erasing pixels that nearer ones surround, each as far as it stands for its surface."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import warp as wp
@@ -12,37 +11,44 @@ from depthwarp.filters.maps import DeviceMaps
 from depthwarp.filters.pyramid import PYRAMID_BYTES, Pyramid
 from depthwarp.filters.rows import row_launch
 from depthwarp.filters.sectors import device_sectors
-from depthwarp_kernels import filters_spacing as spacings
-from depthwarp_kernels.filters_surround import erase_surrounded, erase_thinned
+from depthwarp_kernels.filters_spacing import RUN
+from depthwarp_kernels.filters_surround import erase_hidden, find_freedom, mark_hidden
 
-__all__ = ["SurroundErase"]
+__all__ = ["SurroundErase", "SurroundStep"]
+
+FREEDOM_BYTES = 2
+"""Working memory a pixel beside the pyramid: its freedom, and bits."""
 
 
 @dataclass(frozen=True)
 class SurroundErase:
-    """Erase by surrounding: a pixel p goes if nearer pixels stand closely round it on all sides.
+    """Erase by surrounding: a pixel goes if it lies in the gaps of nearer surfaces.
 
-    Every pixel q stands for its surface up to E px round it. E is its own spacing S, the radius
-    of the smallest square ring [px] that holds 4 pixels of q's layer: within 0.03 m + r g of its
-    depth, r px away, g the metres between neighbouring pixels there (`Camera.pixel_pitch`); and
-    0.6 S where those 4 lie along a line: their directions, angles doubled, add up to over 3.4. q
-    hides towards p, d px away, if it is nearer by more than 0.02 m + 0.002 z_p + 0.5 d g, if d is
-    at most 3 E, or 1.5 px where S is 1, and if S is at most 12 px or 6 times that of p, and not 1
-    for both. A q with S above 8 times the view's median (from
-    16 to 32 px) is isolated and hides nothing.
+    **Spacing S** of a pixel: the radius of the smallest square ring [px], up to 32, that holds 4
+    pixels of its layer, its companions: within 0.025 m + r g of its depth, r px away, g the metres
+    between neighbouring pixels there (`Camera.pixel_pitch`).
 
-    p goes when the directions of what hides leave no longer run of 32 sectors empty than 14, and
-    when that run + 8 w is at most 23.5; 19.5 where p's own companions lie along a line. w is the
-    width of the gap: of two hiding pixels in octants 3 to 5 apart, so over 90 degrees, the
-    least sum of (d - 0.5) / E, or of d where S is 1. What lies on one side of a straight line
-    leaves a run of 15 at least. Then a pixel goes, too, whose S, at most 22, has become 1.5 times
-    what it was, or more: of a surface that is hidden most went before.
+    **Extent E** of a pixel, how far it stands for its surface: S. Companions lie along a line if
+    their directions, angles doubled, add up to over 3.2. Then E is the way to the farther of two
+    companions off the line, by 30 degrees, one on each side and at most 12 px away, or half of S if
+    that is more; without such, half of S, and the pixel is of a line: a pole or a wire.
 
-    The distance term spares slanted surfaces, the sectors true edges, the gap what is seen through
-    windows, and the spacing makes the reach fit the density of every surface. The numbers were
-    chosen on simulated scans of analytic scenes, see `benchmarks/quality`. Of every area of 1, 2,
-    4, 8 and 16 px a side only the nearest pixel is looked at, in 3 x 3 areas of each size. Images
-    of a full turn go round.
+    **Hiding.** q hides towards p, d px away, if it is nearer by more than
+    0.02 m + 0.004 z_p + 0.5 d g, if d is at most 3 E, or 1.5 px where S is 1, and if S is at most
+    12 px or 6 times that of p, and not 1 for both. A q with S above 8 times the view's median
+    (from 16 to 32 px) is isolated and hides nothing. Of every area of 1, 2, 4, 8 and 16 px a side
+    only the nearest pixel is looked at, in 3 x 3 areas of each size.
+
+    **Freedom** of p: n + 8 w, and 6 more if p is of a line; at most 27, and 27 where n is above 14.
+    n is the longest run of 32 sectors round p in which nothing hides: what lies on one side of a
+    straight line leaves 15 at least. w is the width of the gap that p lies in: of two that hide, in
+    octants 3 to 5 apart, so over 90 degrees, the least sum of (d - 0.5) / E, or of d where S is 1.
+
+    p goes when its own freedom and the mean of its companions' is below 24.75 in the mean: of a
+    hidden surface nearly all pixels are hidden. The distance term spares slanted surfaces, the
+    sectors true edges, the gap what is seen through windows, and the spacing fits the reach to the
+    density of every surface. The numbers were chosen on simulated scans of analytic scenes, see
+    `benchmarks/quality`. Images of a full turn go round.
 
     Attributes:
         keep_depth: Whether an erased pixel keeps its depth and index.
@@ -50,40 +56,62 @@ class SurroundErase:
 
     keep_depth: bool = False
 
-    scratch_bytes = PYRAMID_BYTES
+    scratch_bytes = PYRAMID_BYTES + FREEDOM_BYTES
 
-    def build(self, maps: DeviceMaps) -> Callable[[], None]:
+    def build(self, maps: DeviceMaps) -> SurroundStep:
         """Allocate the pyramid and return the step; see `Filter.build`."""
-        pyramid = Pyramid(maps)
+        return SurroundStep(maps, self.keep_depth)
+
+
+class SurroundStep:
+    """The step of a `SurroundErase`.
+
+    Args:
+        maps: The maps that it works on.
+        keep_depth: Whether an erased pixel keeps its depth and index.
+
+    Attributes:
+        pyramid: What it found of the maps, without what it erased.
+        hidden: Which pixels it erased, of the shape of `pyramid.words`, uint32.
+    """
+
+    def __init__(self, maps: DeviceMaps, keep_depth: bool) -> None:
+        self.maps = maps
+        self.pyramid = pyramid = Pyramid(maps)
         device = maps.depth.device
         _, rows, columns = maps.depth.shape
-        runs = -(-columns // spacings.RUN)
-        erased = arrays.empty(pyramid.words.shape, wp.uint32, device)
-        kept = int(self.keep_depth)
-        written = [maps.depth, maps.index, maps.state]
-        erase = row_launch(
-            erase_surrounded,
+        runs = rows, -(-columns // RUN)
+        freedom = arrays.empty(maps.depth.shape, wp.uint8, device)
+        self._doubtful = arrays.empty(pyramid.words.shape, wp.uint32, device)
+        self.hidden = arrays.empty(pyramid.words.shape, wp.uint32, device)
+        self._build = pyramid.reading(extents=True)
+        self._find = row_launch(
+            find_freedom,
             maps,
-            [pyramid.cells, pyramid.spacing, device_sectors(device), maps.grids, kept],
-            [*written, pyramid.words, erased],
-            (rows, runs),
+            [maps.depth, pyramid.cells, pyramid.spacing, device_sectors(device), maps.grids],
+            [freedom, self._doubtful],
+            runs,
         )
-        mark = row_launch(
-            spacings.mark_thinned,
+        self._mark = row_launch(
+            mark_hidden,
             maps,
-            [maps.depth, pyramid.words, erased, maps.grids],
-            [pyramid.spacing],
-            (rows, runs),
+            [maps.depth, pyramid.words, pyramid.spacing, freedom, self._doubtful, maps.grids],
+            [self.hidden],
+            runs,
         )
-        erase_more = row_launch(
-            erase_thinned, maps, [pyramid.spacing, kept], written, pyramid.words.shape[1:]
+        self._erase = row_launch(
+            erase_hidden,
+            maps,
+            [self.hidden, int(keep_depth)],
+            [maps.depth, maps.index, maps.state, pyramid.words],
+            pyramid.words.shape[1:],
         )
 
-        def step() -> None:
-            pyramid.build()
-            erased.zero_()
-            erase()
-            mark()
-            erase_more()
-
-        return step
+    def __call__(self) -> None:
+        """Erase what is hidden in the maps."""
+        self._build()
+        self._doubtful.zero_()
+        self.hidden.zero_()
+        self._find()
+        self._mark()
+        self._erase()

@@ -12,6 +12,7 @@ from depthwarp.depth_map import DepthMap, RenderStats
 from depthwarp.devices import check_memory
 from depthwarp.errors import InputError
 from depthwarp.filters import DeviceMaps
+from depthwarp.filters.chain import build_steps
 from depthwarp.filters.maps import device_grids
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.looking import NO_INDEX, LookingPlan, stats_of
@@ -79,7 +80,7 @@ class RenderPlan(LookingPlan):
             for array in (self.maps.depth, self.maps.index, self.maps.state)
             if array is not None
         ]
-        self._filters = [step.build(self.maps) for step in config.filters]
+        self._filters = build_steps(config.filters, self.maps)
         self._points: Points | None = None
 
     def render(self, cloud: Any) -> None:

@@ -13,6 +13,7 @@ from depthwarp.depth_map import DepthMap, State
 from depthwarp.devices import check_memory, usable_cores
 from depthwarp.errors import InputError
 from depthwarp.filters import DeviceMaps
+from depthwarp.filters.chain import build_steps
 from depthwarp.filters.maps import device_grids
 from depthwarp.prepared import PreparedCloud
 from depthwarp.rendering.config import RenderConfig
@@ -95,7 +96,7 @@ class RaggedPlan(LookingPlan):
             else array.reshape((len(views), self._pixels))
             for name, array in own.items()
         ]
-        self._filters = [step.build(self.maps) for step in config.filters]
+        self._filters = build_steps(config.filters, self.maps)
         self._counts = arrays.zeros((len(views), ragged.RAGGED_COLUMNS), wp.int64, device)
         self._no_points = arrays.zeros(1, wp.vec3f, device)
         self._spans: Any = None

@@ -9,10 +9,10 @@ from depthwarp_kernels.filters_layers import (
     column_in_image,
     column_of_cell,
     depth_of_cell,
+    offset_round,
     row_of_cell,
     spacing_of_cell,
 )
-from depthwarp_kernels.filters_sectors import offset_round
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)

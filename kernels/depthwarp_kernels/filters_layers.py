@@ -17,12 +17,16 @@ EMPTY_CELL = 0xFFFFFFFFFFFFFFFF
 
 LARGEST_DEPTH = wp.constant(wp.float32(3.0e38))
 
+WORD = wp.constant(32)
+"""Columns whose presence is one word of bits."""
+
 STATE_ERASED = wp.constant(wp.uint8(3))
 
 
 SPACING = wp.constant(63)
 ALONG_LINE = wp.constant(64)
-"""Of a pixel's spacing bits: its own-layer spacing, and that its companions lie along a line."""
+"""A pixel's spacing bits are `extent [px / 4] << 8 | 64 where its layer is a line | own-layer
+spacing [px]`, and 0 without a pixel."""
 
 
 @wp.struct
@@ -65,6 +69,23 @@ def column_in_image(column: wp.int32, columns: wp.int32, wraps: wp.int32):
 
 
 @wp.func
+def offset_round(offset: wp.int32, columns: wp.int32, wraps: wp.int32):
+    """An offset between columns, the shorter way where the image wraps."""
+    if wraps != 0:
+        if 2 * offset > columns:
+            return offset - columns
+        if 2 * offset < -columns:
+            return offset + columns
+    return offset
+
+
+@wp.func
+def spacing_bits_of(spacing: wp.int32, quarters: wp.int32):
+    """Spacing bits of an own-layer spacing [px] and an extent [px / 4]."""
+    return spacing | (quarters << 8)
+
+
+@wp.func
 def spacing_in(spacing_bits: wp.int32):
     """Own-layer spacing [px], 0 without a pixel."""
     return spacing_bits & SPACING
@@ -72,8 +93,14 @@ def spacing_in(spacing_bits: wp.int32):
 
 @wp.func
 def is_along_line(spacing_bits: wp.int32):
-    """Whether the companions of a pixel lie along a line."""
+    """Whether a pixel is of a line, such as a pole or a wire: of no surface to both sides."""
     return spacing_bits & ALONG_LINE != 0
+
+
+@wp.func
+def extent_in(spacing_bits: wp.int32):
+    """How far a pixel stands for its surface round it [px]."""
+    return wp.float32(0.25) * wp.float32(spacing_bits >> 8)
 
 
 # A cell is `depth bits << 32 | spacing bits << 16 | row in the area << 8 | column in the area`, so
@@ -86,7 +113,7 @@ def depth_of_cell(cell: wp.uint64):
 
 @wp.func
 def spacing_bits_of_cell(cell: wp.uint64):
-    """Own-layer spacing and whether the companions lie along a line, as of the pixel."""
+    """Spacing bits, as of the pixel."""
     return wp.int32(wp.uint32(cell) >> wp.uint32(16))
 
 
@@ -132,37 +159,48 @@ def erase_pixel(
         index[v, row, column] = -1
 
 
-# Isolated pixels are left out: they speak for no surface. A thread takes a block of 2 x 2 pixels,
-# and the area of the second level that they are. Launch over (rows, columns) of blocks.
+# Isolated pixels are left out: they speak for no surface. A thread takes blocks of 2 x 2 pixels,
+# each an area of the second level, of a word's columns; `words` says which pixels are there. Launch
+# over (rows of blocks, words).
 @wp.kernel
 def fill_first_levels(
     # In:
     first_row: wp.int32,
     depth: wp.array3d[wp.float32],
-    spacing: wp.array3d[wp.uint8],
+    words: wp.array3d[wp.uint32],
+    spacing: wp.array3d[wp.uint16],
     limit: wp.array[wp.int32],
+    extents: wp.int32,
     # Out:
     cells_out: wp.array2d[wp.uint64],
 ):
-    i, j = wp.tid()
+    i, word = wp.tid()
     rows = depth.shape[1]
     columns = depth.shape[2]
     own_rows = (rows + 1) // 2
+    own_columns = (columns + 1) // 2
     v = (first_row + i) // own_rows
     block_row = (first_row + i) - v * own_rows
-    nearest = wp.uint64(EMPTY_CELL)
-    for k in range(4):
-        row = 2 * block_row + k // 2
-        column = 2 * j + k % 2
-        if row < rows and column < columns:
-            s = wp.int32(spacing[v, row, column])
-            cell = wp.uint64(EMPTY_CELL)
-            if s > 0 and spacing_in(s) <= limit[v]:
-                bits = wp.uint64(wp.cast(depth[v, row, column], wp.uint32))
-                cell = (bits << wp.uint64(32)) | wp.uint64(s << 16)
-                nearest = wp.min(nearest, cell | wp.uint64(((k // 2) << 8) | (k % 2)))
-            cells_out[v, row * columns + column] = cell
-    cells_out[v, rows * columns + block_row * ((columns + 1) // 2) + j] = nearest
+    most = limit[v]
+    for column in range(word * WORD, wp.min((word + 1) * WORD, columns), 2):
+        nearest = wp.uint64(EMPTY_CELL)
+        for down in range(2):
+            row = 2 * block_row + down
+            if row < rows:
+                bits = words[v, row, word] >> wp.uint32(column % WORD)
+                for right in range(2):
+                    cell = wp.uint64(EMPTY_CELL)
+                    if (bits >> wp.uint32(right)) & wp.uint32(1) != wp.uint32(0):
+                        own_bits = wp.int32(spacing[v, row, column + right])
+                        if spacing_in(own_bits) <= most:
+                            kept = wp.where(extents != 0, own_bits, spacing_in(own_bits))
+                            near = wp.uint64(wp.cast(depth[v, row, column + right], wp.uint32))
+                            cell = (near << wp.uint64(32)) | wp.uint64(kept << 16)
+                            place = wp.uint64((down << 8) | right)
+                            nearest = wp.min(nearest, cell | place)
+                    if column + right < columns:
+                        cells_out[v, row * columns + column + right] = cell
+        cells_out[v, rows * columns + block_row * own_columns + column // 2] = nearest
 
 
 # Launch over (rows, columns) of the level; `below` is the first cell of the finer level, of

@@ -43,14 +43,3 @@ def longest_empty_run(sectors: wp.uint32):
         runs = runs & (runs >> wp.uint64(1))  # bit i: one more empty from i on
         longest += 1
     return longest
-
-
-@wp.func
-def offset_round(offset: wp.int32, columns: wp.int32, wraps: wp.int32):
-    """An offset between columns, the shorter way where the image wraps."""
-    if wraps != 0:
-        if 2 * offset > columns:
-            return offset - columns
-        if 2 * offset < -columns:
-            return offset + columns
-    return offset

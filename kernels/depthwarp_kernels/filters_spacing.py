@@ -1,20 +1,33 @@
 """Own-layer spacing: how far apart the pixels of one surface are in an image.
 
-The spacing S of a pixel is the radius of the smallest square ring that holds 4 pixels of its layer.
-They are looked for among the bits of present pixels, 32 a word, so that gaps cost nothing. Kernels
-take `first_row`: rows of all views counted on, and run over (rows, runs of columns).
+The spacing S of a pixel is the radius of the smallest square ring that holds 4 pixels of its layer,
+its companions. Its extent, how far it stands for its surface, is S too; where the companions lie
+along a line it is the way to the next row of points, or half of S. Kernels take `first_row`: rows
+of all views counted on.
 """
 
 import warp as wp
 
-from depthwarp_kernels.filters_layers import ALONG_LINE, PixelGrid, is_present, pitch, spacing_in
+from depthwarp_kernels.filters_companions import (
+    LAYER_SLOPE,
+    is_any_near,
+    line_through,
+    nearest_companions,
+    ring_across,
+    ring_of,
+)
+from depthwarp_kernels.filters_layers import (
+    ALONG_LINE,
+    WORD,
+    PixelGrid,
+    is_present,
+    pitch,
+    spacing_bits_of,
+    spacing_in,
+)
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)
-
-LAYER_MARGIN = wp.constant(wp.float32(0.03))
-LAYER_SLOPE = wp.constant(wp.float32(1.0))
-"""Pixels d apart are of one layer if their depths differ by at most 0.03 m + d pitch."""
 
 FARTHEST_RING = wp.constant(32)
 """Largest ring that is searched [px]."""
@@ -22,18 +35,14 @@ FARTHEST_RING = wp.constant(32)
 NO_RING = wp.constant(33)
 """Spacing of a pixel without enough companions in the largest ring."""
 
-THINNED = wp.constant(255)
-"""In the place of a spacing: the pixel lost too many of its companions."""
+LINE_QUARTERS = wp.constant(2)
+"""Extent where the companions lie along a line, so on two sides only: quarters of S."""
 
-LINE_SQUARE = wp.constant(wp.float32(11.56))
-"""Square of what the directions to four companions, of length 1, add up to along a line: 3.4 of 4
-at least, twice their angles taken."""
+FARTHEST_ROW = wp.constant(12)
+"""Rings that are searched for the next rows of points beside such a line [px]."""
 
 SPACING_BINS = 34
 """Counts of a row: of each spacing from 0 to `NO_RING`."""
-
-WORD = wp.constant(32)
-"""Columns whose presence is one word."""
 
 RUN = wp.constant(8)
 """Columns that one thread takes, one after the other."""
@@ -65,104 +74,43 @@ def mark_present(
     words_out[v, row, word] = bits
 
 
+# Rows of points are a surface that the scanner saw at a grazing angle; poles and wires have none
+# beside them.
 @wp.func
-def lowest_bit(word: wp.uint32):
-    """Number of the lowest bit that is set, by the exponent of its value."""
-    lowest = word & (~word + wp.uint32(1))
-    return wp.int32(wp.cast(wp.float32(lowest), wp.uint32) >> wp.uint32(23)) - 127
-
-
-@wp.func
-def bits_between(word: wp.uint32, first: wp.int32, last: wp.int32):
-    """The bits of a word from first to last; both may lie outside of it."""
-    low = ~wp.uint32(0) << wp.uint32(wp.max(first, 0))
-    high = ~wp.uint32(0) >> wp.uint32(WORD - 1 - wp.min(last, WORD - 1))
-    return word & low & high
-
-
-# A companion is `ring << 16 | 64 + right << 8 | 64 + down`, so the smallest number is the nearest.
-@wp.func
-def with_companion(four: wp.vec4i, one: wp.int32):
-    """The four nearest companions, the nearest first, after one more."""
-    return wp.vec4i(
-        wp.min(four[0], one),
-        wp.min(four[1], wp.max(four[0], one)),
-        wp.min(four[2], wp.max(four[1], one)),
-        wp.min(four[3], wp.max(four[2], one)),
-    )
-
-
-@wp.func
-def ring_of(companion: wp.int32):
-    """Ring that a companion is in [px]."""
-    return companion >> 16
-
-
-# Of twice the angle to each, opposite directions are the same.
-@wp.func
-def lie_along_line(four: wp.vec4i):
-    """Whether the directions to four companions are much the same, or opposite."""
-    cosines = wp.float32(0.0)
-    sines = wp.float32(0.0)
-    for k in range(4):
-        right = wp.float32(((four[k] >> 8) & 255) - 64)
-        down = wp.float32((four[k] & 255) - 64)
-        share = wp.float32(1.0) / (right * right + down * down)
-        cosines += (right * right - down * down) * share
-        sines += wp.float32(2.0) * right * down * share
-    return cosines * cosines + sines * sines > LINE_SQUARE
-
-
-# Rows are taken from the pixel's own outwards, the upper before the lower, of each only what lies
-# in nearer rings than the last of the four. Of a row's in one ring the leftmost stay, also at a
-# seam.
-@wp.func
-def nearest_companions(
+def spacing_bits_at(
     depth: wp.array3d[wp.float32],
     words: wp.array3d[wp.uint32],
+    grid: PixelGrid,
     v: wp.int32,
     row: wp.int32,
     column: wp.int32,
-    reach: wp.int32,
-    wraps: wp.int32,
-    own: wp.float32,
-    slope: wp.float32,
+    extents: wp.int32,
 ):
-    """The four nearest companions; the last one's ring is above `reach` if there are fewer."""
-    rows = depth.shape[1]
-    columns = depth.shape[2]
-    none = (reach + 1) << 16
-    four = wp.vec4i(none, none, none, none)
-    for k in range(2 * reach + 1):
-        away = (k + 1) >> 1
-        most = ring_of(four[3]) - 1
-        if away > most:
-            break
-        r = wp.where(k & 1 != 0, row - away, row + away)
-        if r >= 0 and r < rows:
-            for turn in range(-wraps, wraps + 1):
-                middle = column + turn * columns
-                first = wp.max(middle - most, 0)
-                last = wp.min(middle + most, columns - 1)
-                for word in range(first // WORD, last // WORD + 1):
-                    left = word * WORD
-                    bits = bits_between(words[v, r, word], first - left, last - left)
-                    while bits != wp.uint32(0):
-                        c = left + lowest_bit(bits)
-                        bits = bits & (bits - wp.uint32(1))
-                        ring = wp.max(wp.abs(c - middle), away)
-                        within = LAYER_MARGIN + slope * wp.float32(ring)
-                        if ring > 0 and wp.abs(depth[v, r, c] - own) <= within:
-                            place = (64 + c - middle) << 8 | (64 + r - row)
-                            four = with_companion(four, ring << 16 | place)
-    return four
+    """Spacing bits of a present pixel; without extents its spacing alone."""
+    own = depth[v, row, column]
+    slope = LAYER_SLOPE * pitch(grid, own)
+    reach = int(FIRST_REACH)
+    four = nearest_companions(depth, words, v, row, column, reach, grid.wraps, own, slope)
+    while ring_of(four[3]) > reach and reach < FARTHEST_RING:
+        reach = reach * REACH_FACTOR
+        four = nearest_companions(depth, words, v, row, column, reach, grid.wraps, own, slope)
+    spacing = wp.where(ring_of(four[3]) > reach, NO_RING, ring_of(four[3]))
+    if extents == 0:
+        return spacing
+    if spacing == NO_RING:
+        return spacing_bits_of(NO_RING, 4 * NO_RING)
+    line = line_through(four)
+    if line[0] == 0.0 and line[1] == 0.0:
+        return spacing_bits_of(spacing, 4 * spacing)
+    across = ring_across(depth, words, v, row, column, FARTHEST_ROW, grid.wraps, own, slope, line)
+    least = LINE_QUARTERS * spacing
+    if across <= FARTHEST_ROW and 4 * across > least:
+        return spacing_bits_of(spacing, 4 * across)
+    return spacing_bits_of(spacing, least) | ALONG_LINE
 
 
-# The smallest ring of whole radius, at most `FARTHEST_RING`, inside which 4 pixels are of the
-# pixel's own layer: within 0.03 m + r pitch of its depth, r the companion's own ring; and whether
-# they lie along a line, as one bit more.
 # On a CPU one thread has a row and its counts; on CUDA several share them, hence the atomics.
-# Launch over (rows, runs).
+# Launch over (rows, runs of columns).
 @wp.kernel
 def find_spacing(
     # In:
@@ -170,8 +118,9 @@ def find_spacing(
     depth: wp.array3d[wp.float32],
     words: wp.array3d[wp.uint32],
     grids: wp.array[PixelGrid],
+    extents: wp.int32,
     # Out:
-    spacing_out: wp.array3d[wp.uint8],
+    spacing_out: wp.array3d[wp.uint16],
     counts_out: wp.array3d[wp.int32],
 ):
     i, run = wp.tid()
@@ -179,57 +128,19 @@ def find_spacing(
     v = (first_row + i) // rows
     row = (first_row + i) - v * rows
     left = run * RUN
-    bits = words[v, row, left // WORD] >> wp.uint32(left % WORD)
-    grid = grids[v]
+    present = words[v, row, left // WORD] >> wp.uint32(left % WORD)
     for k in range(wp.min(RUN, depth.shape[2] - left)):
-        spacing = int(0)
-        if (bits >> wp.uint32(k)) & wp.uint32(1) != wp.uint32(0):
-            own = depth[v, row, left + k]
-            slope = LAYER_SLOPE * pitch(grid, own)
-            reach = int(FIRST_REACH)
-            spacing = NO_RING
-            is_line = bool(False)
-            while spacing == NO_RING and reach <= FARTHEST_RING:
-                four = nearest_companions(
-                    depth, words, v, row, left + k, reach, grid.wraps, own, slope
-                )
-                if ring_of(four[3]) <= reach:
-                    spacing = ring_of(four[3])
-                    is_line = lie_along_line(four)
-                reach = reach * REACH_FACTOR
-            wp.atomic_add(counts_out, v, row, spacing, 1)
-            spacing = wp.where(is_line, spacing | ALONG_LINE, spacing)
-        spacing_out[v, row, left + k] = wp.uint8(spacing)
+        bits = int(0)
+        if (present >> wp.uint32(k)) & wp.uint32(1) != wp.uint32(0):
+            bits = spacing_bits_at(depth, words, grids[v], v, row, left + k, extents)
+            wp.atomic_add(counts_out, v, row, spacing_in(bits), 1)
+        spacing_out[v, row, left + k] = wp.uint16(bits)
 
 
-@wp.func
-def is_any_near(
-    words: wp.array3d[wp.uint32],
-    v: wp.int32,
-    row: wp.int32,
-    column: wp.int32,
-    columns: wp.int32,
-    reach: wp.int32,
-    wraps: wp.int32,
-):
-    """Whether a bit is set in the square ring round a pixel, or inside of it."""
-    found = wp.uint32(0)
-    for turn in range(-wraps, wraps + 1):
-        middle = column + turn * columns
-        first = wp.max(middle - reach, 0)
-        last = wp.min(middle + reach, columns - 1)
-        for word in range(first // WORD, last // WORD + 1):
-            left = word * WORD
-            for r in range(wp.max(row - reach, 0), wp.min(row + reach + 1, words.shape[1])):
-                found = found | bits_between(words[v, r, word], first - left, last - left)
-    return found != wp.uint32(0)
-
-
-# What hides loses few companions, what is hidden most: a pixel whose spacing has grown by half or
-# more since it was found is marked in its place. `words` are the pixels that are left, `erased`
-# those that are not. Launch over (rows, runs).
+# A pixel keeps its spacing unless one of the pixels no farther away was erased; of those that are
+# there `words` knows. Launch over (rows, runs of columns).
 @wp.kernel
-def mark_thinned(
+def renew_spacing(
     # In:
     first_row: wp.int32,
     depth: wp.array3d[wp.float32],
@@ -237,7 +148,8 @@ def mark_thinned(
     erased: wp.array3d[wp.uint32],
     grids: wp.array[PixelGrid],
     # Out:
-    spacing_out: wp.array3d[wp.uint8],
+    spacing_out: wp.array3d[wp.uint16],
+    counts_out: wp.array3d[wp.int32],
 ):
     i, run = wp.tid()
     rows = depth.shape[1]
@@ -245,21 +157,16 @@ def mark_thinned(
     v = (first_row + i) // rows
     row = (first_row + i) - v * rows
     left = run * RUN
-    bits = words[v, row, left // WORD] >> wp.uint32(left % WORD)
-    grid = grids[v]
+    present = words[v, row, left // WORD] >> wp.uint32(left % WORD)
     for k in range(wp.min(RUN, columns - left)):
-        own_spacing = spacing_in(wp.int32(spacing_out[v, row, left + k]))
-        reach = (3 * own_spacing - 1) // 2  # below 1.5 times as far
-        is_left = (bits >> wp.uint32(k)) & wp.uint32(1) != wp.uint32(0)
-        if is_left and reach <= FARTHEST_RING:
-            if is_any_near(erased, v, row, left + k, columns, reach, grid.wraps):
-                own = depth[v, row, left + k]
-                slope = LAYER_SLOPE * pitch(grid, own)
-                four = nearest_companions(
-                    depth, words, v, row, left + k, reach, grid.wraps, own, slope
-                )
-                if ring_of(four[3]) > reach:
-                    spacing_out[v, row, left + k] = wp.uint8(THINNED)
+        spacing = int(0)
+        if (present >> wp.uint32(k)) & wp.uint32(1) != wp.uint32(0):
+            spacing = spacing_in(wp.int32(spacing_out[v, row, left + k]))
+            reach = wp.min(spacing, FARTHEST_RING)
+            if is_any_near(erased, v, row, left + k, columns, reach, grids[v].wraps):
+                spacing = spacing_bits_at(depth, words, grids[v], v, row, left + k, 0)
+            wp.atomic_add(counts_out, v, row, spacing, 1)
+        spacing_out[v, row, left + k] = wp.uint16(spacing)
 
 
 # Launch over (views, `SPACING_BINS`).

@@ -68,6 +68,16 @@ def test_surround_is_the_loop(device, depth_map, keep):
 
 
 @FEW
+@given(depth_map=layered_maps())
+def test_a_chain_is_its_filters_one_by_one(device, depth_map):
+    """The fill goes on with what the erase found, to the same result as on the erased map."""
+    chain = dw.filters.best()
+    together = dw.filters.apply(depth_map, chain, device=device)
+    erased = dw.filters.apply(depth_map, chain[:1], device=device)
+    assert_maps(together, arrays_of(dw.filters.apply(erased, chain[1:], device=device)))
+
+
+@FEW
 @given(depth_map=layered_maps(), radius=REACH, angle=st.sampled_from([10.0, 30.0, 60.0]))
 def test_cone_is_the_loop(device, depth_map, radius, angle):
     """Any map, lens, radius and angle."""
@@ -147,6 +157,27 @@ def test_a_perfect_slanted_floor_loses_nothing(device, share, roll):
     floor = sparse(floor_map(roll), share)
     erased = dw.filters.apply(floor, [dw.filters.remove_hidden("surround")], device=device)
     assert (erased.state != dw.State.ERASED).all()
+
+
+def test_companions_decide_where_a_pixel_alone_does_not(device):
+    """A point of a wall in a hole of 14 px in a sparse plate before it: it goes if its companions
+    lie behind the plate, and stays if they lie in the hole, too.
+    """
+    near = np.zeros((96, 96), bool)
+    near[20:77:4, 20:77:4] = True
+    near[42:55, 42:55] = False
+    erase = [dw.filters.remove_hidden("surround")]
+
+    def is_gone(companions) -> bool:
+        depth = np.where(near, 3.0, 0.0)
+        depth[48, 48] = 6.0
+        for row, column in companions:
+            depth[row, column] = 6.0
+        state = dw.filters.apply(make_map(depth), erase, device=device).state
+        return bool(state[48, 48] == dw.State.ERASED)
+
+    assert is_gone([(38, 38), (38, 58), (58, 38), (58, 58)])
+    assert not is_gone([(46, 46), (46, 50), (50, 46), (50, 50)])
 
 
 def test_one_stray_point_erases_nothing(device):

@@ -9,6 +9,8 @@ import numpy as np
 from .layers import (
     FARTHEST_RING,
     Grid,
+    Spacing,
+    companions,
     f32,
     present,
     pyramid_of,
@@ -31,51 +33,64 @@ def erased(maps: Maps, hidden: np.ndarray, keep_depth: bool) -> Maps:
 
 
 def surround_erase(maps: Maps, grid: Grid, keep_depth: bool = False) -> Maps:
-    """A pixel goes if nearer pixels, each within its reach, stand closely round it; or if its
-    spacing has become 1.5 times what it was, or more, when those are gone."""
+    """A pixel goes if it is seen too little freely between the nearer ones round it, its companions
+    as well: by the mean of its own freedom and theirs.
+    """
     depth, _, state = maps
-    spacings, lines = spacing_of(depth, state, grid)
-    levels = pyramid_of(depth, spacings, lines)
+    there = present(depth, state)
+    spacing = spacing_of(depth, state, grid)
+    freedom = freedom_of(maps, grid)
     hidden = np.zeros(depth.shape, bool)
+    for row, column in np.argwhere(there):
+        reach = min(spacing.own[row, column], FARTHEST_RING)
+        own = int(freedom[row, column])
+        four = [own] * 4
+        for k, (_, right, down) in enumerate(companions(depth, there, grid, row, column, reach)):
+            four[k] = int(freedom[row + down, (column + right) % depth.shape[1]])
+        hidden[row, column] = (4 * own + sum(four)) // 8 < 198
+    return erased(maps, hidden, keep_depth)
+
+
+def freedom_of(maps: Maps, grid: Grid) -> np.ndarray:
+    """How freely every pixel is seen between nearer ones, in eighths, up to 27."""
+    depth, _, state = maps
+    spacing = spacing_of(depth, state, grid)
+    levels = pyramid_of(depth, spacing)
+    freedom = np.zeros(depth.shape, int)
     for row, column in np.argwhere(present(depth, state)):
         sectors: set[int] = set()
         ways = np.full(8, f32(1e6))
-        for x, y, way in _hiding(depth, spacings, lines, levels, grid, row, column):
+        for x, y, way in _hiding(depth, spacing, levels, grid, row, column):
             k = sector(x, y)
             sectors.add(k)
             ways[k // 4] = min(ways[k // 4], way)
         run = next((n for n in range(32) if surrounded(sectors, n)), 32)
         gap = min(ways[k] + ways[(k + apart) % 8] for k in range(8) for apart in (3, 4))
-        loose = f32(run) + f32(8) * gap + (f32(4) if lines[row, column] else f32(0))
-        hidden[row, column] = run <= 14 and loose <= f32(23.5)
-    left = np.where(hidden, ERASED, state)
-    # No spacing above 32 is known: what might have grown beyond it is left alone.
-    thinned = 2 * spacing_of(depth, left, grid)[0] >= 3 * spacings
-    hidden |= present(depth, left) & (3 * spacings <= 2 * FARTHEST_RING + 2) & thinned
-    return erased(maps, hidden, keep_depth)
+        free = f32(run) + f32(8) * gap + (f32(6) if spacing.line[row, column] else f32(0))
+        freedom[row, column] = int(f32(8) * min(free, f32(27))) if run <= 14 else 8 * 27
+    return freedom
 
 
-def _hiding(depth, spacings, lines, levels, grid, row, column):
-    """What hides towards a pixel: (right, down, distance in what it stands for)."""
-    own, own_spacing = depth[row, column], spacings[row, column]
+def _hiding(depth, spacing, levels, grid, row, column):
+    """What hides towards a pixel: (right, down, distance in its extents)."""
+    own, own_spacing = depth[row, column], spacing.own[row, column]
+    margin = f32(0.02) + f32(0.004) * own
     for level, cells in enumerate(levels):
         for r in range((row >> level) - 1, (row >> level) + 2):
             for c in range((column >> level) - 1, (column >> level) + 2):
                 side = grid.column(c, len(cells[0]))
                 if not 0 <= r < len(cells) or side < 0 or cells[r][side] is None:
                     continue
-                near, spacing, q_row, q_column = cells[r][side]
+                near, q_row, q_column = cells[r][side]
+                s, extent = spacing.own[q_row, q_column], spacing.extent[q_row, q_column]
                 y, x = q_row - row, grid.offset(q_column - column, depth.shape[1])
                 square = f32(x * x + y * y)
-                extent = f32(0.6) * f32(spacing) if lines[q_row, q_column] else f32(spacing)
-                reach_square = f32(2) if spacing == 1 else f32(9) * extent * extent
-                if square > reach_square or spacing > max(6 * own_spacing, 12):
+                if square > (f32(2) if s == 1 else f32(9) * extent * extent):
                     continue
-                way = np.sqrt(square)
-                margin = f32(0.02) + f32(0.002) * own
-                step = f32(0.5) * way * grid.pitch(near)
-                if (spacing > 1 or own_spacing > 1) and own - near > margin + step:
-                    yield x, y, way if spacing == 1 else (way - f32(0.5)) / extent
+                ahead, way = own - near - margin, np.sqrt(square)
+                is_ahead = ahead > 0 and ahead > f32(0.5) * way * grid.pitch(near)
+                if is_ahead and s <= max(6 * own_spacing, 12) and (s > 1 or own_spacing > 1):
+                    yield x, y, way if s == 1 else (way - f32(0.5)) / extent
 
 
 def cone_erase(maps: Maps, grid: Grid, radius: int, angle: float) -> Maps:
@@ -113,7 +128,9 @@ def plane_fill(maps: Maps, grid: Grid) -> Maps:
     out = tuple(array.copy() for array in maps)
     rows, columns = depth.shape
     there = present(depth, state)
-    levels = pyramid_of(depth, *spacing_of(depth, state, grid))
+    spacing = spacing_of(depth, state, grid).own
+    same = np.zeros(depth.shape, f32)
+    levels = pyramid_of(depth, Spacing(spacing, same, same))
 
     def fill(top, left, size, layer):
         plane, (z, x, y, _) = layer
@@ -134,7 +151,7 @@ def plane_fill(maps: Maps, grid: Grid) -> Maps:
 
     for top in range(0, rows, 4):
         for left in range(0, columns, 4):
-            samples = _samples(levels, grid, top, left, 4, f32(1.5), columns)
+            samples = _samples(levels, spacing, grid, top, left, 4)
             if not samples:
                 continue
             one = _layer_from(samples, f32(0), grid)
@@ -146,16 +163,18 @@ def plane_fill(maps: Maps, grid: Grid) -> Maps:
                 continue
             for part_top in range(top, min(top + 4, rows), 2):
                 for part_left in range(left, min(left + 4, columns), 2):
-                    samples = _samples(levels, grid, part_top, part_left, 2, f32(0), columns)
+                    samples = _samples(levels, spacing, grid, part_top, part_left, 2)
                     layer = _layer(samples, grid)
                     if layer is not None:
                         fill(part_top, part_left, 2, layer)
     return out
 
 
-def _samples(levels, grid, top, left, size, more, columns):
+def _samples(levels, spacing, grid, top, left, size):
     """(depth, x, y from the block's middle [px], (distance, S)) of what reaches it, in order."""
     samples, seen = [], set()
+    columns = spacing.shape[1]
+    more = f32(1.5) if size == 4 else f32(0)  # what reaches a quarter of it
     for level, cells in enumerate(levels):
         below = max(size >> level, 1)
         for r in range((top >> level) - 1, (top >> level) + below + 1):
@@ -165,13 +184,14 @@ def _samples(levels, grid, top, left, size, more, columns):
                     side = grid.column(c, len(cells[0]))
                 if not 0 <= r < len(cells) or side < 0 or cells[r][side] is None:
                     continue
-                near, spacing, row, column = cells[r][side]
+                near, row, column = cells[r][side]
                 middle = (size - 1) / 2
                 x, y = grid.offset(column - left, columns) - middle, row - top - middle
                 way = f32(0.5) * np.sqrt(f32(4 * (x * x + y * y)))
-                if way <= f32(1.5) * f32(spacing) + more and (row, column) not in seen:
+                reach = f32(1.5) * f32(spacing[row, column]) + more
+                if way <= reach and (row, column) not in seen:
                     seen.add((row, column))
-                    samples.append((near, x, y, (way, spacing)))
+                    samples.append((near, x, y, (way, spacing[row, column])))
         if len(samples) >= 4:
             break
     return samples

@@ -49,55 +49,101 @@ def present(depth: np.ndarray, state: np.ndarray) -> np.ndarray:
         return (depth > 0) & (depth < f32(3e38)) & (state != ERASED)
 
 
-def spacing_of(depth: np.ndarray, state: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
-    """Own-layer spacing S of every pixel [px]; 0 = empty, 33 = none up to 32 px. And whether the
-    four companions lie along a line."""
+@dataclass(frozen=True)
+class Spacing:
+    """Of every pixel: own-layer spacing [px] (0 = empty, 33 = none up to 32 px), extent [px], and
+    whether it is of a line; each of shape (H, W).
+    """
+
+    own: np.ndarray
+    extent: np.ndarray
+    line: np.ndarray
+
+
+def spacing_of(depth: np.ndarray, state: np.ndarray, grid: Grid) -> Spacing:
+    """What the companions of every pixel say of it."""
     there = present(depth, state)
-    spacing, lines = np.zeros(depth.shape, int), np.zeros(depth.shape, bool)
+    own, extent = np.zeros(depth.shape, int), np.zeros(depth.shape, f32)
+    line = np.zeros(depth.shape, bool)
     for row, column in np.argwhere(there):
-        spacing[row, column] = NO_RING
-        for reach in (2, 8, FARTHEST_RING):
-            four = _companions(depth, there, grid, row, column, reach)
-            if len(four) == COMPANIONS:
-                spacing[row, column] = four[-1][0]
-                lines[row, column] = _lie_along_line(four)
-                break
-    return spacing, lines
+        four = companions(depth, there, grid, row, column)
+        own[row, column] = extent[row, column] = four[-1][0] if len(four) == 4 else NO_RING
+        direction = _line_through(four) if len(four) == 4 else None
+        if direction is not None:
+            across = _ring_across(depth, there, grid, row, column, direction)
+            half = f32(0.5) * extent[row, column]
+            line[row, column] = across is None or f32(across) <= half
+            extent[row, column] = half if line[row, column] else f32(across)
+    return Spacing(own, extent, line)
 
 
-def _companions(depth, there, grid, row, column, reach):
-    """The four nearest companions, as (ring, right, down): rows from the pixel's own outwards, of
-    each the pixels in nearer rings than that of the fourth so far."""
+def companions(depth, there, grid, row, column, farthest=FARTHEST_RING):
+    """The four nearest companions of a pixel, or fewer, as (ring, right, down): of one ring first
+    those found first, rows from the pixel's own outwards, the upper before the lower.
+    """
+    for reach in (2, 8, FARTHEST_RING):
+        reach = min(reach, farthest)
+        four: list[tuple[int, int, int]] = []
+        most, last = reach, 0
+        for right, down in _around(depth, there, grid, row, column, reach):
+            if down != last:  # of each row what is nearer than the fourth so far
+                most = four[-1][0] - 1 if len(four) == COMPANIONS else reach
+                last = down
+            ring = max(abs(right), abs(down))
+            if ring <= most:
+                four = sorted([*four, (ring, right, down)])[:COMPANIONS]
+        if len(four) == COMPANIONS or reach == farthest:
+            return four
+    return []
+
+
+def _around(depth, there, grid, row, column, reach):
+    """What is of the pixel's layer up to a ring, row by row, as (right, down)."""
     rows, columns = depth.shape
     own = depth[row, column]
-    four: list[tuple[int, int, int]] = []
     for k in range(2 * reach + 1):
         away = (k + 1) // 2
         down = -away if k % 2 else away
         if not 0 <= row + down < rows:
             continue
-        most = four[-1][0] - 1 if len(four) == COMPANIONS else reach
         for turn in (-1, 0, 1) if grid.wraps else (0,):
-            for right in range(-most, most + 1):
+            for right in range(-reach, reach + 1):
                 c = column + right + turn * columns
                 ring = max(abs(right), away)
                 if not 0 <= c < columns or ring == 0 or not there[row + down, c]:
                     continue
-                within = f32(0.03) + f32(1.0) * grid.pitch(own) * f32(ring)
-                if away <= most and abs(depth[row + down, c] - own) <= within:
-                    four = sorted([*four, (ring, right, down)])[:COMPANIONS]
-    return four
+                within = f32(0.025) + f32(1.0) * grid.pitch(own) * f32(ring)
+                if abs(depth[row + down, c] - own) <= within:
+                    yield right, down
 
 
-def _lie_along_line(four) -> bool:
-    """Whether directions, their angles taken twice, add up to 3.4 of 4 or more."""
+def _line_through(four):
+    """Direction of the line that four companions lie along, or None: those to them, their angles
+    taken twice, add up to 3.2 of 4 or more.
+    """
     cosines, sines = f32(0), f32(0)
     for _, right, down in four:
         x, y = f32(right), f32(down)
         share = f32(1) / (x * x + y * y)
         cosines = cosines + (x * x - y * y) * share
         sines = sines + f32(2) * x * y * share
-    return bool(cosines * cosines + sines * sines > f32(11.56))
+    square = cosines * cosines + sines * sines
+    if square <= f32(10.24):
+        return None
+    half = f32(0.5) * cosines / np.sqrt(square)
+    x, y = np.sqrt(max(f32(0.5) + half, f32(0))), np.sqrt(max(f32(0.5) - half, f32(0)))
+    return x, -y if sines < 0 else y
+
+
+def _ring_across(depth, there, grid, row, column, line):
+    """Up to 12 px, the ring in which both sides of a line have a companion, over 30 degrees off."""
+    nearest: dict[bool, int] = {}
+    for right, down in _around(depth, there, grid, row, column, 12):
+        across = line[0] * f32(down) - line[1] * f32(right)
+        if f32(4) * across * across > f32(right * right + down * down):
+            ring = max(abs(right), abs(down))
+            nearest[across > 0] = min(nearest.get(across > 0, ring), ring)
+    return max(nearest.values()) if len(nearest) == 2 else None
 
 
 def limit_of(spacing: np.ndarray) -> int:
@@ -107,13 +153,13 @@ def limit_of(spacing: np.ndarray) -> int:
     return min(max(8 * median, 16), FARTHEST_RING)
 
 
-def pyramid_of(
-    depth: np.ndarray, spacing: np.ndarray, lines: np.ndarray
-) -> list[list[list[tuple | None]]]:
-    """Of every area of 1, 2, 4, ... pixels a side the nearest (depth, S, row, column), or None; of
-    equal depths first those not along a line, then those of the smaller S."""
+def pyramid_of(depth: np.ndarray, spacing: Spacing) -> list[list[list[tuple | None]]]:
+    """Of every area of 1, 2, 4, ... pixels a side the nearest (depth, row, column), or None; of
+    equal depths that of the least extent, then those of no line, then the least spacing.
+    """
     rows, columns = depth.shape
-    known = (spacing > 0) & (spacing <= limit_of(spacing))
+    known = (spacing.own > 0) & (spacing.own <= limit_of(spacing.own))
+    maps = depth, spacing.extent, spacing.line, spacing.own
     levels = []
     for level in range(LEVELS):
         side = 1 << level
@@ -122,13 +168,13 @@ def pyramid_of(
             line = []
             for left in range(0, columns, side):
                 area = [
-                    (depth[row, column], lines[row, column], int(spacing[row, column]), row, column)
+                    (*(values[row, column] for values in maps), row, column)
                     for row in range(top, min(top + side, rows))
                     for column in range(left, min(left + side, columns))
                     if known[row, column]
                 ]
                 nearest = min(area) if area else None
-                line.append(nearest and (nearest[0], *nearest[2:]))
+                line.append(nearest and (nearest[0], *nearest[-2:]))
             cells.append(line)
         levels.append(cells)
     return levels
