@@ -121,6 +121,9 @@ _MAKERS: dict[str, Callable[[str], Chain]] = {
     "best + push-pull": lambda device: library_chain(
         "", dw.filters.best()[:1], [dw.filters.fill("push_pull")], device
     ),
+    "best, then push-pull": lambda device: library_chain(
+        "", dw.filters.best()[:1], [dw.filters.fill("plane"), dw.filters.fill("push_pull")], device
+    ),
     "best": _best,
     "bound + nearest": lambda device: Chain("", None, peers.nearest(10), is_bound=True),
     "bound + best's fill": lambda device: Chain("", None, _best(device).fill, is_bound=True),

@@ -1,4 +1,4 @@
-"""Pictures of what chains do: truth, splat, filtered, filled, and where the result is wrong."""
+"""Pictures of what chains do: truth, splat, what is left, filled, and where the result is wrong."""
 
 from __future__ import annotations
 
@@ -12,26 +12,40 @@ import numpy.typing as npt
 from benchmarks.quality.chains import Chain, run
 from benchmarks.quality.evaluate import Shot
 from benchmarks.quality.scoring import Removal, errors, removal
+from depthwarp import State
 
 __all__ = ["PICTURED", "write_pictures"]
 
 FloatImage = npt.NDArray[np.floating]
 BoolImage = npt.NDArray[np.bool_]
 
-PICTURED = ("paper", "IP-Basic", "best", "bound + nearest")
+PICTURED = ("paper", "IP-Basic", "best", "bound + best's fill")
 """Chains that are shown where none is asked for."""
 
 VIEWS = (0, 2)
 MOST_ERROR_CM = 20.0
 EMPTY, UNSEEN = "#ffffff", "#c9c9c9"
 BLOCK_PX = 2  # pixels are shown in blocks of 2 x 2, by their nearest one: a splat stays visible
-PANEL_INCHES = (3.0, 2.85)
+PANEL_WIDTH, TITLE_INCHES = 3.7, 0.3
+
+STATES = {
+    State.MEASURED: "measured",
+    State.FILLED: "filled inside",
+    State.FILLED_BORDER: "filled at a border",
+    State.ERASED: "erased, and still empty",
+    State.EMPTY: "empty",
+}
+STATE_COLORS = np.full((256, 3), 255, np.uint8)
+STATE_COLORS[State.MEASURED] = 0, 0, 0
+STATE_COLORS[State.FILLED] = 120, 185, 230
+STATE_COLORS[State.FILLED_BORDER] = 235, 150, 40
+STATE_COLORS[State.ERASED] = 200, 30, 90
 
 
 def write_pictures(
     folder: Path, case: str, taken: Sequence[Shot], chains: Sequence[Chain]
 ) -> list[Path]:
-    """Write a picture of chosen views, one row a chain.
+    """Write a picture of chosen views, one row a chain below the truth and the splat.
 
     Args:
         folder: Where to; made if it is not there.
@@ -46,7 +60,7 @@ def write_pictures(
     paths = []
     for place in VIEWS:
         if place < len(taken):
-            path = folder / f"{case.replace(' ', '_')}_view{place}.png"
+            path = folder / f"{case.replace(',', '').replace(' ', '_')}_view{place}.png"
             _write(path, f"{case}, view {place}", taken[place], chains)
             paths.append(path)
     return paths
@@ -56,40 +70,49 @@ def _write(path: Path, title: str, shot: Shot, chains: Sequence[Chain]) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    rows = len(chains)
-    width, height = PANEL_INCHES
-    figure = Figure(figsize=(5 * width + 0.3, rows * height + 1.2), layout="constrained")
+    rows, columns = 1 + len(chains), 4
+    height = PANEL_WIDTH * shot.raw.depth.shape[0] / shot.raw.depth.shape[1] + TITLE_INCHES
+    size = (columns * PANEL_WIDTH + 0.3, rows * height + 1.3)
+    figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, 5, squeeze=False)
+    axes = figure.subplots(rows, columns, squeeze=False)
     depth_scale, error_scale = _depth_scale(shot), _error_scale()
-    for row, chain in zip(axes, chains, strict=True):
+    truth, raw, legend, unused = axes[0]
+    _draw(truth, "truth; grey: not observed", _blocks(shot.view.depth), depth_scale)
+    _shade(truth, shot.view.observed)
+    _draw(raw, "raw splat", _blocks(shot.raw.depth), depth_scale)
+    _draw_legend(legend)
+    unused.axis("off")
+    for row, chain in zip(axes[1:], chains, strict=True):
         made = run(chain, shot.raw, shot.cloud, shot.label)
         counts = removal(shot.raw, made.filtered, shot.label_observed)
         score = errors(made.filled.depth, shot.view.depth, shot.judged, shot.near)
-        panels: tuple[tuple[str, FloatImage, BoolImage | None], ...] = (
-            ("truth, grey: not observed", shot.view.depth, shot.view.observed),
-            ("raw splat", shot.raw.depth, None),
-            (f"filtered, {_removed(counts)}", made.filtered.depth, None),
-            (
-                f"filled, {score.within:.1%} within {100 * shot.near:.0f} cm",
-                made.filled.depth,
-                None,
-            ),
-        )
-        for axis, (text, depth, observed) in zip(row[:4], panels, strict=True):
-            _draw(axis, text, _blocks(depth), depth_scale)
-            if observed is not None:
-                _shade(axis, observed)
-        _draw_error(row[4], shot, made.filled.depth, error_scale)
-    for axis, chain in zip(axes[:, 0], chains, strict=True):
-        axis.set_ylabel(chain.name, fontsize=10)
+        right = f"filled, {score.within:.1%} within {100 * shot.near:.0f} cm"
+        _draw(row[0], f"left, {_removed(counts)}", _blocks(made.filtered.depth), depth_scale)
+        _draw(row[1], right, _blocks(made.filled.depth), depth_scale)
+        row[2].imshow(STATE_COLORS[made.filled.state], interpolation="nearest")
+        row[2].set_title("what the pixels are", fontsize=8)
+        _draw_error(row[3], shot, made.filled.depth, error_scale)
+        row[0].set_ylabel(chain.name, fontsize=10)
     for axis in axes.flat:
         axis.set_xticks([])
         axis.set_yticks([])
-    _bar(figure, axes[:, :4], depth_scale, "z depth [m], logarithmic; white: empty")
-    _bar(figure, axes[:, 4], error_scale, "error [cm]; white: empty, green: more")
+    _bar(figure, axes[:, :3], depth_scale, "depth [m], logarithmic; white: empty")
+    _bar(figure, axes[:, 3], error_scale, "error [cm]; white: empty, green: more")
     figure.suptitle(title)
     figure.savefig(path, dpi=100)
+
+
+def _draw_legend(axis: Any) -> None:
+    """What the colours of the states mean."""
+    from matplotlib.patches import Patch
+
+    axis.axis("off")
+    patches = [
+        Patch(facecolor=STATE_COLORS[state] / 255, edgecolor="#888888", label=text)
+        for state, text in STATES.items()
+    ]
+    axis.legend(handles=patches, loc="center", fontsize=9, title="what the pixels are")
 
 
 def _bar(figure: Any, axes: Any, scale: tuple[Any, Any], label: str) -> None:

@@ -34,7 +34,14 @@ def test_one_case_from_table_to_picture(tmp_path: Path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("options", "says"), [(["--views", "9"], "from 1 to 8"), (["--points", "10"], "at least 1000")]
+    ("options", "says"),
+    [
+        (["--views", "9"], "from 1 to 8"),
+        (["--points", "10"], "at least 1000"),
+        (["--device", "toaster"], "toaster"),
+        (["--json", "no/such/folder/scores.jsonl"], "no/such/folder"),
+        (["--chain", "best", "bst"], "no chain has 'bst' in its name; there are: raw splat,"),
+    ],
 )
 def test_bad_options_are_refused(capsys, options, says):
     """The message says what is allowed; the exit code is that of bad usage."""
