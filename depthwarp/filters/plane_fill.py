@@ -23,16 +23,20 @@ class PlaneFill:
     `SurroundErase`), covers its middle; of every area of 1 to 16 px a side only the nearest pixel
     is looked at, from small areas to large ones until there are 4 samples. A layer is the nearest
     sample and all within 0.03 m + 4 d g behind it, d px from it, g the metres between neighbouring
-    pixels there. If its directions leave no run of more than 18 of 32 sectors empty, a plane
-    1/z = a + b u + c v is fitted with weights 1 / (d^2 + 0.25 px^2), and its depth, kept within
-    those of the samples, is written as FILLED. If not, the next deeper layer is tried, of three.
-    What none surrounds takes the depth of the nearest sample in the image of those that are at most
-    their own S away, as FILLED_BORDER; without one it stays empty. The index is that of the layer's
-    pixel nearest in the image.
+    pixels there. Of three layers, from the nearest on, the first is taken whose directions leave no
+    run of more than 18 of 32 sectors empty. Through its sample closest in the image, and all so
+    little before or behind that one, a plane 1/z = a + b u + c v is fitted with weights
+    1 / (d^2 + 0.25 px^2). Its depth, kept within half the samples' range of them, is written as
+    FILLED.
+
+    What no layer surrounds takes, as FILLED_BORDER, such a plane through the closest of the samples
+    that are at most their own S away. It stays empty without one; and where a mistake would be
+    likely and large: if d / S of that sample times the range of all samples' depths is above 0.16
+    of the largest, unless it is beside the pixels. The index is that of the closest sample.
 
     A block of 4 x 4 is filled as one where all its samples, which reach 1.5 px farther then, are
-    one layer that surrounds it; depths are kept within half the layer's thickness of it. Else each
-    2 x 2 of it is filled by itself. Isolated pixels are no samples. Images of a full turn go round.
+    one layer that surrounds it. Else each 2 x 2 of it is filled by itself. Isolated pixels are no
+    samples. Images of a full turn go round.
     The numbers were chosen on simulated scans of analytic scenes, see `benchmarks/quality`.
     """
 

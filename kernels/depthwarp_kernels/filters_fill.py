@@ -6,17 +6,23 @@ place sees the map as it was. It takes `first_row`: rows of all views counted on
 
 import warp as wp
 
-from depthwarp_kernels.filters_fill_planes import Moments, add_to, depth_of_plane, plane_of
+from depthwarp_kernels.filters_fill_layers import (
+    Layer,
+    layer_behind,
+    layer_round,
+    plane_through,
+    thickened,
+)
+from depthwarp_kernels.filters_fill_planes import depth_of_plane
 from depthwarp_kernels.filters_fill_samples import (
     MOST_SAMPLES,
     closest_at_border,
     column_of_sample,
     gather_samples,
     row_of_sample,
-    squared,
 )
-from depthwarp_kernels.filters_layers import PixelGrid, is_present, pitch
-from depthwarp_kernels.filters_sectors import sector_bit, surrounds
+from depthwarp_kernels.filters_layers import PixelGrid, is_present
+from depthwarp_kernels.filters_sectors import surrounds
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)
@@ -30,25 +36,8 @@ MOST_LAYERS = wp.constant(3)
 FILL_EMPTY = wp.constant(18)
 """Longest run of empty sectors of 32 of a layer that surrounds a pixel."""
 
-FILL_MARGIN = wp.constant(wp.float32(0.03))
-FILL_SLOPE = wp.constant(wp.float32(4.0))
-"""A layer holds what lies within 0.03 m + 4 d pitch behind its nearest sample, d px from it."""
-
 WIDER_REACH = wp.constant(3)
 """Half pixels more of reach round a whole block: what reaches one of its quarters reaches it."""
-
-NO_DEPTH = wp.constant(wp.float32(3.0e38))
-
-
-@wp.struct
-class Layer:
-    """Samples of one surface: sectors and members as bits, depths from near to far, the closest."""
-
-    sectors: wp.uint32
-    near: wp.float32
-    far: wp.float32
-    closest: wp.int32
-    members: wp.uint64
 
 
 @wp.func
@@ -70,61 +59,6 @@ def empty_of_block(
     return empty
 
 
-@wp.func
-def layer_behind(
-    beyond: wp.float32,
-    depth: wp.array[wp.float32],
-    right: wp.array[wp.int32],
-    down: wp.array[wp.int32],
-    count: wp.int32,
-    grid: PixelGrid,
-    sector_bits: wp.array[wp.uint32],
-):
-    """The nearest layer all of which is farther than a depth; `closest` is -1 without one."""
-    layer = Layer()
-    layer.closest = -1
-    layer.near = NO_DEPTH
-    start = int(0)
-    for k in range(count):
-        if depth[k] > beyond and depth[k] < layer.near:
-            layer.near = depth[k]
-            start = k
-    if layer.near == NO_DEPTH:
-        return layer
-    layer.closest = start
-    slope = wp.float32(0.5) * FILL_SLOPE * pitch(grid, layer.near)
-    least = squared(right[start], down[start])
-    for k in range(count):
-        behind = depth[k] - layer.near
-        if behind >= 0.0:
-            apart = squared(right[k] - right[start], down[k] - down[start])
-            if behind <= FILL_MARGIN + slope * wp.sqrt(wp.float32(apart)):
-                layer.members = layer.members | (wp.uint64(1) << wp.uint64(k))
-                layer.sectors = layer.sectors | sector_bit(sector_bits, right[k], down[k])
-                layer.far = wp.max(layer.far, depth[k])
-                way = squared(right[k], down[k])
-                if way < least:
-                    least = way
-                    layer.closest = k
-    return layer
-
-
-@wp.func
-def plane_through(
-    layer: Layer,
-    depth: wp.array[wp.float32],
-    right: wp.array[wp.int32],
-    down: wp.array[wp.int32],
-    count: wp.int32,
-):
-    """The plane through the members of a layer."""
-    sums = Moments()
-    for k in range(count):
-        if (layer.members >> wp.uint64(k)) & wp.uint64(1) != wp.uint64(0):
-            sums = add_to(sums, right[k], down[k], depth[k])
-    return plane_of(sums)
-
-
 # `empty` are bits of a row of 4; (right, down) is the pixel that gives its index, in half pixels
 # from the middle.
 @wp.func
@@ -144,7 +78,7 @@ def write_block(
     index_out: wp.array3d[wp.int32],
     state_out: wp.array3d[wp.uint8],
 ):
-    """Fill the empty pixels of a block: with a plane's depths, or all with one, as at a border."""
+    """Fill the empty pixels of a block with a plane's depths."""
     columns = depth_out.shape[2]
     source = column_of_sample(right, left, size, columns)
     index = index_out[v, row_of_sample(down, top, size), source]
@@ -152,10 +86,9 @@ def write_block(
         row = k // size
         column = k % size
         if (empty >> (4 * row + column)) & 1 != 0:
-            z = near
-            if inside:
-                z = depth_of_plane(plane, 2 * column - size + 1, 2 * row - size + 1, near, far)
-            depth_out[v, top + row, left + column] = z
+            depth_out[v, top + row, left + column] = depth_of_plane(
+                plane, 2 * column - size + 1, 2 * row - size + 1, near, far
+            )
             index_out[v, top + row, left + column] = index
             state_out[v, top + row, left + column] = wp.where(
                 inside, STATE_FILLED, STATE_FILLED_BORDER
@@ -196,25 +129,21 @@ def fill_quarter(
         if surrounds(layer.sectors, FILL_EMPTY):
             inside = True
             break
-    plane = wp.vec3f()
     chosen = layer.closest
-    near = layer.near
-    if inside:
-        plane = plane_through(layer, depth, right, down, count)
-    else:
+    if not inside:
         chosen = closest_at_border(cells, v, top, left, columns, depth, right, down, count)
         if chosen < 0:
             return
-        near = depth[chosen]
+    layer = thickened(layer_round(chosen, depth, right, down, count, grid))
     write_block(
         empty,
         2,
         inside,
-        plane,
-        near,
+        plane_through(layer, depth, right, down, count),
+        layer.near,
         layer.far,
-        right[chosen],
-        down[chosen],
+        right[layer.closest],
+        down[layer.closest],
         v,
         top,
         left,
@@ -226,7 +155,7 @@ def fill_quarter(
 
 # A block of 4 x 4 round which there is one surface alone, on all sides, takes its plane. Of another
 # each quarter has samples of its own: it takes the plane of the first layer, from the nearest on,
-# that surrounds its middle, or else one sample's depth, as at a border.
+# that surrounds its middle, or else, as at a border, that of the closest sample's layer.
 # Launch over (rows, columns) of blocks of 4 x 4.
 @wp.kernel
 def fill_planes(
@@ -261,14 +190,14 @@ def fill_planes(
     layer = layer_behind(wp.float32(0.0), depth, right, down, count, grid, sector_bits)
     all_members = (wp.uint64(1) << wp.uint64(count)) - wp.uint64(1)
     if layer.members == all_members and surrounds(layer.sectors, FILL_EMPTY):
-        beyond = wp.float32(0.5) * (layer.far - layer.near)  # its corners may lie outside
+        whole = thickened(layer)  # its corners may lie outside
         write_block(
             empty,
             4,
             True,
             plane_through(layer, depth, right, down, count),
-            wp.max(layer.near - beyond, wp.float32(0.5) * layer.near),
-            layer.far + beyond,
+            whole.near,
+            whole.far,
             right[layer.closest],
             down[layer.closest],
             v,

@@ -29,6 +29,12 @@ FILL_REACH_2 = wp.constant(3)
 BORDER_REACH_2 = wp.constant(2)
 """Where nothing surrounds them, for those up to its spacing away: in half pixels, twice."""
 
+BORDER_DOUBT = wp.constant(wp.float32(0.16))
+BESIDE_SQUARE = wp.constant(10)
+"""There a pixel stays empty if its way to the closest sample, in spacings of that, times the range
+of all samples' depths, as a share of the largest, is above 0.16; unless that sample lies beside the
+block of 2 x 2, at most 1.6 px from its middle: 10 half pixels squared."""
+
 
 @wp.func
 def squared(right: wp.int32, down: wp.int32):
@@ -135,7 +141,8 @@ def column_of_sample(right: wp.int32, left: wp.int32, size: wp.int32, columns: w
     return (left + ((right + size - 1) >> 1) + columns) % columns
 
 
-# Of the samples of a block of 2 x 2; of several the one with the smallest depth.
+# Of the samples of a block of 2 x 2; of several the one with the smallest depth. The farther away
+# it is, and the more the depths differ, the more an error would be likely, and large.
 @wp.func
 def closest_at_border(
     cells: wp.array2d[wp.uint64],
@@ -148,9 +155,12 @@ def closest_at_border(
     down: wp.array[wp.int32],
     count: wp.int32,
 ):
-    """The sample nearest in the image of those that reach so far at a border; -1 without one."""
+    """The closest sample of those that reach so far at a border; -1 without one or in doubt."""
     best = int(-1)
     least = int(0)
+    best_reach = int(0)
+    near = depth[0]
+    far = depth[0]
     for k in range(count):
         row = row_of_sample(down[k], top, 2)
         column = column_of_sample(right[k], left, 2, columns)
@@ -160,4 +170,10 @@ def closest_at_border(
             if best < 0 or way < least or (way == least and depth[k] < depth[best]):
                 best = k
                 least = way
+                best_reach = reach
+        near = wp.min(near, depth[k])
+        far = wp.max(far, depth[k])
+    doubt = wp.sqrt(wp.float32(least)) * (far - near)
+    if least > BESIDE_SQUARE and doubt > BORDER_DOUBT * wp.float32(best_reach) * far:
+        return -1
     return best

@@ -123,7 +123,8 @@ def cone_erase(maps: Maps, grid: Grid, radius: int, angle: float) -> Maps:
 
 def plane_fill(maps: Maps, grid: Grid) -> Maps:
     """Blocks of 4 x 4 take the plane of the one layer round them; of others each 2 x 2 the plane of
-    the nearest of three layers that surrounds its middle."""
+    the nearest of three layers that surrounds its middle, or of the closest sample's layer.
+    """
     depth, index, state = maps
     out = tuple(array.copy() for array in maps)
     rows, columns = depth.shape
@@ -132,20 +133,17 @@ def plane_fill(maps: Maps, grid: Grid) -> Maps:
     same = np.zeros(depth.shape, f32)
     levels = pyramid_of(depth, Spacing(spacing, same, same))
 
-    def fill(top, left, size, layer):
-        plane, (z, x, y, _) = layer
+    def fill(top, left, size, layer, kind=FILLED):
+        ((a, b, c), near, far), (_, x, y, _) = layer
         middle = (size - 1) / 2
         source = index[top + int(y + middle), (left + int(x + middle)) % columns]
         for row in range(top, min(top + size, rows)):
             for column in range(left, min(left + size, columns)):
                 if there[row, column]:
                     continue
-                if plane is not None:
-                    (a, b, c), near, far = plane
-                    q = a + b * f32(column - left - middle) + c * f32(row - top - middle)
-                    q = min(max(q, f32(1) / far), f32(1) / near)
-                    z = min(max(f32(1) / q, near), far)
-                kind = FILLED_BORDER if plane is None else FILLED
+                q = a + b * f32(column - left - middle) + c * f32(row - top - middle)
+                q = min(max(q, f32(1) / far), f32(1) / near)
+                z = min(max(f32(1) / q, near), far)
                 for array, value in zip(out, (z, source, kind), strict=True):
                     array[row, column] = value
 
@@ -157,16 +155,14 @@ def plane_fill(maps: Maps, grid: Grid) -> Maps:
             one = _layer_from(samples, f32(0), grid)
             if one is not None and len(one[2]) == len(samples) and _surrounds(one[2]):
                 (plane, near, far), closest = _filled(*one)
-                beyond = f32(0.5) * (far - near)
-                near = max(near - beyond, f32(0.5) * near)
-                fill(top, left, 4, ((plane, near, far + beyond), closest))
+                fill(top, left, 4, ((plane, *_thickened(near, far)), closest))
                 continue
             for part_top in range(top, min(top + 4, rows), 2):
                 for part_left in range(left, min(left + 4, columns), 2):
                     samples = _samples(levels, spacing, grid, part_top, part_left, 2)
-                    layer = _layer(samples, grid)
+                    layer, kind = _layer(samples, grid)
                     if layer is not None:
-                        fill(part_top, part_left, 2, layer)
+                        fill(part_top, part_left, 2, layer, kind)
     return out
 
 
@@ -226,21 +222,47 @@ def _filled(near, far, members, start):
     return (_plane(members), near, far), min(order, key=lambda s: s[1] ** 2 + s[2] ** 2)
 
 
+def _thickened(near, far):
+    """The depths of a layer with half its thickness more on either side."""
+    beyond = f32(0.5) * (far - near)
+    return max(near - beyond, f32(0.5) * near), far + beyond
+
+
 def _layer(samples, grid):
-    """The plane of the first layer that surrounds, with its nearest and farthest depth, or None;
-    and the sample nearest to the middle, at a border of those within their S. None without one."""
+    """The plane, with its nearest and farthest depth, and the closest sample, of what surrounds or
+    else is closest; and the state. None without one, or where that is in doubt."""
     beyond = f32(0)
     for _ in range(3):
         layer = _layer_from(samples, beyond, grid)
         if layer is None:
             break
         if _surrounds(layer[2]):
-            return _filled(*layer)
+            return _layer_round(_filled(*layer)[1], samples, grid), FILLED
         beyond = layer[1]
     near_enough = [s for s in samples if s[3][0] <= f32(s[3][1])]
     if not near_enough:
-        return None
-    return None, min(near_enough, key=lambda s: (s[3][0], s[0]))
+        return None, FILLED_BORDER
+    closest = min(near_enough, key=lambda s: (s[3][0], s[0]))
+    _, x, y, (way, spacing) = closest
+    depths = [s[0] for s in samples]
+    doubt = f32(2) * way * (max(depths) - min(depths))
+    if x * x + y * y > 2.5 and doubt > f32(0.16) * f32(2 * spacing) * max(depths):
+        return None, FILLED_BORDER
+    return _layer_round(closest, samples, grid), FILLED_BORDER
+
+
+def _layer_round(closest, samples, grid):
+    """The plane of what lies little before or behind a sample, with its depths, and the sample."""
+    z, x, y, _ = closest
+    slope = f32(0.5) * f32(4) * grid.pitch(z)
+    members = [
+        s
+        for s in samples
+        if abs(s[0] - z)
+        <= f32(0.03) + slope * np.sqrt(f32(4 * ((s[1] - x) ** 2 + (s[2] - y) ** 2)))
+    ]
+    depths = [s[0] for s in members]
+    return (_plane(members), *_thickened(min(depths), max(depths))), closest
 
 
 def _plane(members):
