@@ -21,19 +21,26 @@ __all__ = ["DepthMap", "RenderStats", "State"]
 
 
 class State(IntEnum):
-    """How a pixel came about: the values of `DepthMap.state`."""
+    """How a pixel came about: the values of `DepthMap.state`.
+
+    A pixel that was erased and then filled reads as filled: a state tells what was done last.
+
+    Attributes:
+        EMPTY: No point fell here, and no filter wrote a depth.
+        MEASURED: The depth of the point that fell here.
+        FILLED: A filter wrote a depth here: of the surface that surrounds this pixel, or of another
+            pixel. Fills do so where nothing was measured, a dilation everywhere.
+        ERASED: A filter took the point that fell here for one seen through a gap, and emptied the
+            pixel; or left its depth on request, which then counts as empty for later filters.
+        FILLED_BORDER: A filter wrote the depth of the nearest pixel of a surface that ends here or
+            beside here.
+    """
 
     EMPTY = 0
-    """No point fell here."""
     MEASURED = 1
-    """The depth of the point that fell here."""
     FILLED = 2
-    """A filter wrote a depth here: of another pixel, or of the surface that surrounds this one."""
     ERASED = 3
-    """A filter took the point that fell here for one seen through a gap, and emptied the pixel; or
-    left its depth on request, which then counts as empty for later filters."""
     FILLED_BORDER = 4
-    """A filter wrote the depth of the nearest pixel of a surface that ends here or beside here."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import depthwarp as dw
 from benchmarks.quality import peers
 from benchmarks.quality.maps import Step, erase_where
+from benchmarks.quality.plain_surround import plain_surround
 from benchmarks.quality.truth import Label
 from depthwarp.errors import InputError
 from depthwarp.filters import Filter
@@ -114,6 +115,7 @@ _MAKERS: dict[str, Callable[[str], Chain]] = {
         "", _library([dw.filters.remove_hidden("cone")], device), peers.nearest(10)
     ),
     "Katz + nearest": lambda device: Chain("", peers.katz(), peers.nearest(10)),
+    "plain surround": lambda device: Chain("", plain_surround(), _best(device).fill),
     "IP-Basic": lambda device: Chain("", None, peers.ip_basic()),
     "nearest pixel": lambda device: Chain("", None, peers.nearest(10)),
     "OpenCV inpainting": lambda device: Chain("", None, peers.inpaint()),

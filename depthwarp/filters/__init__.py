@@ -1,6 +1,7 @@
 """Filters after the splat: hidden-point removal and filling, one after another."""
 
-from depthwarp.filters.chain import apply, best, check_filters, paper
+from depthwarp.filters.applying import apply
+from depthwarp.filters.chain import best, check_filters, paper
 from depthwarp.filters.cone_erase import ConeErase
 from depthwarp.filters.dilation import Dilation, dilate
 from depthwarp.filters.filling import fill

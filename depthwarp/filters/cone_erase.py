@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import warp as wp
 
 from depthwarp import arrays
-from depthwarp.checks import check_positive, check_window
+from depthwarp.checks import check_positive
 from depthwarp.errors import InputError
 from depthwarp.filters.maps import DeviceMaps
+from depthwarp.filters.options import check_reach, check_truth
 from depthwarp.filters.rows import row_launch
 from depthwarp.filters.sectors import device_sectors
 from depthwarp_kernels.filters_cone import REACH, copy_present, erase_by_cone
@@ -29,7 +30,7 @@ class ConeErase:
     screen-space operators", VAST 2011. Images of a full turn go round.
 
     Attributes:
-        radius: How far a pixel looks round [px].
+        radius: How far a pixel looks round [px], at most 31.
         angle: Half the opening of the cone about the viewing ray whose solid angle has to be free
             [degrees].
         keep_depth: Whether an erased pixel keeps its depth and index.
@@ -43,12 +44,11 @@ class ConeErase:
     margin = 0.02
 
     def __post_init__(self) -> None:
-        check_window("radius", self.radius)
-        if self.radius > REACH:
-            raise InputError(f"radius must be at most {REACH} pixels, got {self.radius}")
+        object.__setattr__(self, "radius", check_reach("radius", self.radius, REACH))
         check_positive("angle", self.angle, "degrees")
         if self.angle >= 90:
             raise InputError(f"angle must be below 90 degrees, got {self.angle}")
+        object.__setattr__(self, "keep_depth", check_truth("keep_depth", self.keep_depth))
 
     def build(self, maps: DeviceMaps) -> Callable[[], None]:
         """Allocate a copy of the depth and return the step; see `Filter.build`."""
@@ -56,7 +56,7 @@ class ConeErase:
         before = arrays.empty(depth.shape, wp.float32, depth.device)
         copy = row_launch(copy_present, maps, [depth, maps.state], [before])
         least_free = 1 - math.cos(math.radians(self.angle))
-        numbers = [int(self.radius), least_free, self.margin, int(self.keep_depth)]
+        numbers = [self.radius, least_free, self.margin, int(self.keep_depth)]
         erase = row_launch(
             erase_by_cone,
             maps,

@@ -37,7 +37,7 @@ class Dilation:
 
     def __post_init__(self) -> None:
         check_choice("method", self.method, ("paper", "nearest"))
-        check_window("side", self.side)
+        object.__setattr__(self, "side", check_window("side", self.side))
 
     def build(self, maps: DeviceMaps) -> Callable[[], None]:
         """Allocate the row winners and return the step; see `Filter.build`."""
@@ -45,11 +45,9 @@ class Dilation:
         row_rank = arrays.empty(depth.shape, wp.uint64, depth.device)
         dilate_row, dilate_column = dilate_kernels(self.method == "nearest")
 
-        rows = row_launch(
-            dilate_row, maps, [depth, maps.index, maps.state, int(self.side)], [row_rank]
-        )
+        rows = row_launch(dilate_row, maps, [depth, maps.index, maps.state, self.side], [row_rank])
         columns = row_launch(
-            dilate_column, maps, [row_rank, int(self.side)], [depth, maps.index, maps.state]
+            dilate_column, maps, [row_rank, self.side], [depth, maps.index, maps.state]
         )
 
         def grow() -> None:
@@ -67,6 +65,6 @@ def dilate(method: Literal["paper", "nearest"] = "paper", *, side: int = 10) -> 
         side: Side of the square window [px].
 
     Raises:
-        InputError: An unknown method or a side below 1.
+        InputError: An unknown method or a side that is no whole number from 1.
     """
     return Dilation(method, side)

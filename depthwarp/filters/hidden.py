@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from depthwarp.checks import check_choice
-from depthwarp.errors import InputError
 from depthwarp.filters.cone_erase import ConeErase
 from depthwarp.filters.maps import Filter
+from depthwarp.filters.options import check_options, check_truth
 from depthwarp.filters.paper_erase import PaperErase
 from depthwarp.filters.surround_erase import SurroundErase
 
-__all__ = ["check_options", "remove_hidden"]
+__all__ = ["remove_hidden"]
 
 
 def remove_hidden(
@@ -24,6 +24,9 @@ def remove_hidden(
     keep_depth: bool = False,
 ) -> Filter:
     """A filter that erases points seen through the gaps of a nearer surface.
+
+    The default is the paper's method, so that `remove_hidden()` and `dilate()` are `paper()`;
+    `best()` uses `"surround"`.
 
     Args:
         method: `"surround"`: a pixel goes if it lies in the gaps of nearer surfaces, which stand
@@ -45,29 +48,15 @@ def remove_hidden(
         InputError: An unknown method, an option of another method, or a value out of its range.
     """
     check_choice("method", method, ("paper", "surround", "cone"))
-    if keep_depth not in (True, False):
-        raise InputError(f"keep_depth must be one of True, False, got {keep_depth!r}")
-    given = {"side": side, "threshold": threshold, "radius": radius, "angle": angle}
+    given = {
+        "side": side,
+        "threshold": threshold,
+        "radius": radius,
+        "angle": angle,
+        "keep_depth": check_truth("keep_depth", keep_depth),
+    }
     if method == "paper":
-        options = check_options(method, given, ("side", "threshold"))
-        return PaperErase(**options, keep_depth=keep_depth)
+        return PaperErase(**check_options(method, given, ("side", "threshold", "keep_depth")))
     if method == "cone":
-        return ConeErase(**check_options(method, given, ("radius", "angle")), keep_depth=keep_depth)
-    check_options(method, given, ())
-    return SurroundErase(keep_depth)
-
-
-def check_options(method: str, given: dict[str, Any], known: tuple[str, ...]) -> dict[str, Any]:
-    """The options that were given, all of them known to the method.
-
-    Raises:
-        InputError: An option of another method.
-    """
-    options = {name: value for name, value in given.items() if value is not None}
-    for name in options:
-        if name not in known:
-            raise InputError(
-                f"method '{method}' has no {name}: "
-                + (f"its options are {', '.join(known)}" if known else "it has no such option")
-            )
-    return options
+        return ConeErase(**check_options(method, given, ("radius", "angle", "keep_depth")))
+    return SurroundErase(**check_options(method, given, ("keep_depth",)))

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import warp as wp
 
 from depthwarp import arrays
-from depthwarp.checks import check_window
-from depthwarp.errors import InputError
 from depthwarp.filters.maps import DeviceMaps
+from depthwarp.filters.options import check_reach
 from depthwarp.filters.rows import row_launch
 from depthwarp_kernels.filters_nearest import fill_nearest, nearest_in_column
 
@@ -28,7 +27,7 @@ class NearestFill:
     full turn go round.
 
     Attributes:
-        radius: How far the nearest one may be [px], Euclidean.
+        radius: How far the nearest one may be [px], Euclidean, at most 1024.
     """
 
     radius: int = 10
@@ -36,16 +35,14 @@ class NearestFill:
     scratch_bytes = 4
 
     def __post_init__(self) -> None:
-        check_window("radius", self.radius)
-        if self.radius > FARTHEST:
-            raise InputError(f"radius must be at most {FARTHEST} pixels, got {self.radius}")
+        object.__setattr__(self, "radius", check_reach("radius", self.radius, FARTHEST))
 
     def build(self, maps: DeviceMaps) -> Callable[[], None]:
         """Allocate the columns' nearest rows and return the step; see `Filter.build`."""
         written = [maps.depth, maps.index, maps.state]
         source = arrays.empty(maps.depth.shape, wp.int32, maps.depth.device)
-        find = row_launch(nearest_in_column, maps, [*written, int(self.radius)], [source])
-        fill = row_launch(fill_nearest, maps, [source, int(self.radius), maps.grids], written)
+        find = row_launch(nearest_in_column, maps, [*written, self.radius], [source])
+        fill = row_launch(fill_nearest, maps, [source, self.radius, maps.grids], written)
 
         def step() -> None:
             find()

@@ -10,6 +10,7 @@ import warp as wp
 from depthwarp import arrays
 from depthwarp.checks import check_positive, check_window
 from depthwarp.filters.maps import DeviceMaps
+from depthwarp.filters.options import check_truth
 from depthwarp.filters.rows import row_launch
 from depthwarp_kernels.filters import erase_by_column, erase_row_minimum
 
@@ -34,20 +35,19 @@ class PaperErase:
     scratch_bytes = 4
 
     def __post_init__(self) -> None:
-        check_window("side", self.side)
+        object.__setattr__(self, "side", check_window("side", self.side))
         check_positive("threshold", self.threshold, "m")
+        object.__setattr__(self, "keep_depth", check_truth("keep_depth", self.keep_depth))
 
     def build(self, maps: DeviceMaps) -> Callable[[], None]:
         """Allocate the row minima and return the step; see `Filter.build`."""
         depth = maps.depth
         row_nearest = arrays.empty(depth.shape, wp.float32, depth.device)
-        find = row_launch(
-            erase_row_minimum, maps, [depth, maps.state, int(self.side)], [row_nearest]
-        )
+        find = row_launch(erase_row_minimum, maps, [depth, maps.state, self.side], [row_nearest])
         erase = row_launch(
             erase_by_column,
             maps,
-            [row_nearest, int(self.side), self.threshold, int(self.keep_depth)],
+            [row_nearest, self.side, self.threshold, int(self.keep_depth)],
             [depth, maps.index, maps.state],
         )
 

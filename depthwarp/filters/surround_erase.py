@@ -8,6 +8,7 @@ import warp as wp
 
 from depthwarp import arrays
 from depthwarp.filters.maps import DeviceMaps
+from depthwarp.filters.options import check_truth
 from depthwarp.filters.pyramid import PYRAMID_BYTES, Pyramid
 from depthwarp.filters.rows import row_launch
 from depthwarp.filters.sectors import device_sectors
@@ -57,6 +58,9 @@ class SurroundErase:
     keep_depth: bool = False
 
     scratch_bytes = PYRAMID_BYTES + FREEDOM_BYTES
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "keep_depth", check_truth("keep_depth", self.keep_depth))
 
     def build(self, maps: DeviceMaps) -> SurroundStep:
         """Allocate the pyramid and return the step; see `Filter.build`."""

@@ -29,6 +29,23 @@ def make_map(depth: np.ndarray, camera: dw.cameras.Camera | None = None, state=N
     return dw.DepthMap(depth, index, state, camera, "range", 0.0, 15.0, stats)
 
 
+def arrays_of(depth_map: dw.DepthMap):
+    """The three maps, as the loops take and return them."""
+    return depth_map.depth, depth_map.index, depth_map.state
+
+
+def assert_maps(depth_map: dw.DepthMap, expected) -> None:
+    """The same depth bits, winners and states."""
+    for ours, theirs in zip(arrays_of(depth_map), expected, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def sparse(depth_map: dw.DepthMap, share: float) -> dw.DepthMap:
+    """The map with so many of its pixels, drawn at random."""
+    kept = np.random.default_rng(1).random(depth_map.depth.shape) < share
+    return make_map(np.where(kept, depth_map.depth, 0), depth_map.camera)
+
+
 @st.composite
 def layered_maps(draw: st.DrawFn) -> dw.DepthMap:
     """Small maps of two slanted layers with gaps, noise, ties and erased pixels; any lens."""

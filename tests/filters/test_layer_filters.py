@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import warp as wp
@@ -12,7 +14,7 @@ import depthwarp as dw
 from depthwarp.errors import CapacityError, InputError
 from depthwarp.filters.maps import DeviceMaps, device_grids
 from depthwarp.filters.pyramid import check_cells
-from tests.filters.maps import layered_maps, make_map
+from tests.filters.maps import arrays_of, assert_maps, layered_maps, make_map, sparse
 from tests.reference import layer_filters as reference
 from tests.reference.layers import Grid
 
@@ -23,17 +25,6 @@ REACH = st.integers(1, 7)
 def grid_of(depth_map: dw.DepthMap) -> Grid:
     """What the loops know of the camera."""
     return Grid(*depth_map.camera.pixel_pitch, wraps=depth_map.camera.wraps)
-
-
-def arrays_of(depth_map: dw.DepthMap):
-    """The three maps, as the loops take and return them."""
-    return depth_map.depth, depth_map.index, depth_map.state
-
-
-def assert_maps(depth_map: dw.DepthMap, expected) -> None:
-    """The same depth bits, winners and states."""
-    for ours, theirs in zip(arrays_of(depth_map), expected, strict=True):
-        np.testing.assert_array_equal(ours, theirs)
 
 
 def floor_map(roll: float, width: int = 360, height: int = 240) -> dw.DepthMap:
@@ -47,12 +38,6 @@ def floor_map(roll: float, width: int = 360, height: int = 240) -> dw.DepthMap:
         z = np.where(below > 0, 0.4 / below, 0)
     z[z > 20] = 0
     return make_map(z, camera)
-
-
-def sparse(depth_map: dw.DepthMap, share: float) -> dw.DepthMap:
-    """The map with so many of its pixels, drawn at random."""
-    kept = np.random.default_rng(1).random(depth_map.depth.shape) < share
-    return make_map(np.where(kept, depth_map.depth, 0), depth_map.camera)
 
 
 # --- kernel == loop, bit for bit ---
@@ -348,26 +333,38 @@ def test_empty_maps_and_single_pixels_stay(device, chain, shape):
 
 
 def test_unknown_methods_and_foreign_options_are_refused():
-    """The message says which there are."""
+    """The message says which there are, also of a method with one option or none."""
     with pytest.raises(InputError, match="'plane', 'nearest', 'push_pull', got 'spline'"):
         dw.filters.fill("spline")
-    with pytest.raises(InputError, match="method 'surround' has no threshold"):
+    with pytest.raises(InputError, match="has no threshold: its options are keep_depth$"):
         dw.filters.remove_hidden("surround", threshold=0.5)
-    with pytest.raises(InputError, match="'cone' has no side: its options are radius, angle"):
+    with pytest.raises(InputError, match="no side: its options are radius, angle, keep_depth$"):
         dw.filters.remove_hidden("cone", side=3)
-    with pytest.raises(InputError, match="method 'plane' has no radius"):
+    with pytest.raises(InputError, match="method 'plane' has no radius: it has no options$"):
         dw.filters.fill(radius=3)
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: dw.filters.remove_hidden("cone", radius=0), "radius must be"),
-        (lambda: dw.filters.remove_hidden("cone", radius=32), "radius must be at most 31"),
+        (
+            lambda: dw.filters.remove_hidden("cone", radius=0),
+            "radius must be .* from 1 to 31 pixels",
+        ),
+        (
+            lambda: dw.filters.remove_hidden("cone", radius=32),
+            "radius must be .* from 1 to 31 pixels",
+        ),
         (lambda: dw.filters.remove_hidden("cone", angle=0.0), "angle must be"),
         (lambda: dw.filters.remove_hidden("cone", angle=90.0), "angle must be below 90"),
-        (lambda: dw.filters.fill("nearest", radius=-1), "radius must be"),
-        (lambda: dw.filters.fill("nearest", radius=5000), "radius must be at most 1024"),
+        (lambda: dw.filters.fill("nearest", radius=0), "radius must be .* from 1 to 1024 pixels"),
+        (
+            lambda: dw.filters.fill("nearest", radius=1025),
+            "radius must be .* from 1 to 1024 pixels",
+        ),
+        (lambda: dw.filters.fill("nearest", radius=2.5), "radius must be .*, got 2.5"),
+        (lambda: dw.filters.fill("nearest", radius=True), "radius must be .*, got True"),
+        (lambda: dw.filters.NearestFill(math.nan), "radius must be .*, got nan"),
     ],
 )
 def test_values_out_of_range_are_refused(make, message):
@@ -376,68 +373,27 @@ def test_values_out_of_range_are_refused(make, message):
         make()
 
 
-@pytest.mark.parametrize("name", ["depth", "index", "state"])
-def test_maps_of_another_size_are_refused(name):
-    """A state map that does not fit its depth map, for one."""
-    from dataclasses import replace
-
-    good = make_map(np.ones((4, 5)))
-    bad = replace(good, **{name: getattr(good, name)[:3]})
-    with pytest.raises(InputError, match=rf"^{name} must have the camera's shape .*\(4, 5\)"):
-        dw.filters.apply(bad, dw.filters.best())
-
-
-@pytest.mark.parametrize("depth", [np.nan, np.inf, -3.0])
-def test_what_is_no_depth_is_refused(depth):
-    """A depth map holds none of them; the message says what an empty pixel holds."""
-    values = np.ones((4, 5))
-    values[2, 3] = depth
-    with pytest.raises(InputError, match=rf"got {depth} at \[2, 3\]: an empty pixel has depth 0"):
-        dw.filters.apply(make_map(values), dw.filters.best())
+def test_whole_numbers_are_stored_as_such():
+    """A side or radius may be written 2.0 or come from NumPy: the filter is that of 2."""
+    for two in (2.0, np.int64(2)):
+        assert repr(dw.filters.dilate(side=two)) == repr(dw.filters.dilate(side=2))
+        for method, name in (("paper", "side"), ("cone", "radius")):
+            made = dw.filters.remove_hidden(method, **{name: two})
+            assert repr(made) == repr(dw.filters.remove_hidden(method, **{name: 2}))
+        assert repr(dw.filters.fill("nearest", radius=two)) == "NearestFill(radius=2)"
 
 
-@pytest.mark.parametrize(
-    ("depth", "state", "message"),
-    [
-        (2.0, 99, r"values of dw.State, got 99 at \[2, 3\]"),
-        (0.0, dw.State.MEASURED, r"got MEASURED with depth 0 at \[2, 3\]"),
-        (0.0, dw.State.FILLED_BORDER, r"got FILLED_BORDER with depth 0 at \[2, 3\]"),
-        (2.5, dw.State.EMPTY, r"got EMPTY with depth 2.5 at \[2, 3\]"),
-    ],
-)
-def test_states_that_contradict_the_depth_are_refused(depth, state, message):
-    """And those that mean nothing; an erased pixel may hold its depth or none."""
-    depths, states = np.ones((4, 5)), np.full((4, 5), dw.State.MEASURED)
-    depths[0, :2], states[0, :2] = (0.0, 3.0), dw.State.ERASED
-    dw.filters.apply(make_map(depths, state=states), dw.filters.best())
-    depths[2, 3], states[2, 3] = depth, state
-    with pytest.raises(InputError, match=message):
-        dw.filters.apply(make_map(depths, state=states), dw.filters.best())
-
-
-def test_a_result_is_written_where_it_is_wanted(device):
-    """Into the arrays of another map, or of the map itself; what does not fit is refused."""
-    wall = sparse(make_map(np.full((60, 80), 4.0)), 0.3)
-    expected = dw.filters.apply(wall, dw.filters.best(), device=device)
-    out = make_map(np.zeros((60, 80)))
-    result = dw.filters.apply(wall, dw.filters.best(), device=device, out=out)
-    assert all(a is b for a, b in zip(arrays_of(result), arrays_of(out), strict=True))
-    assert_maps(out, arrays_of(expected))
-    assert result.filters == expected.filters and (wall.depth == 0).mean() > 0.6
-    dw.filters.apply(wall, dw.filters.best(), device=device, out=wall)
-    assert_maps(wall, arrays_of(expected))
-    small = make_map(np.zeros((60, 79)))
-    with pytest.raises(InputError, match=r"out.depth must be .* of shape \(60, 80\), got .*79"):
-        dw.filters.apply(wall, dw.filters.best(), device=device, out=small)
-
-
-def test_whole_numbers_and_truth_values(device):
-    """A side may be written 2.0; whether the depth is kept is true or false."""
-    depth_map = make_map(np.ones((4, 5)))
-    for made in (dw.filters.dilate(side=2.0), dw.filters.remove_hidden("paper", side=2.0)):
-        assert (dw.filters.apply(depth_map, [made], device=device).depth == 1).all()
-    with pytest.raises(InputError, match="keep_depth must be one of True, False, got 'no'"):
-        dw.filters.remove_hidden(keep_depth="no")
+@pytest.mark.parametrize("method", ["paper", "surround", "cone"])
+def test_whether_the_depth_is_kept_is_true_or_false(method):
+    """Of Python or NumPy; a number, a word or None is refused, also by the classes."""
+    kept = dw.filters.remove_hidden(method, keep_depth=np.True_)
+    assert repr(kept) == repr(dw.filters.remove_hidden(method, keep_depth=True))
+    for value in (3, 1, 0, 1.0, "no", None):
+        message = f"^keep_depth must be one of True, False, got {value!r}$"
+        with pytest.raises(InputError, match=message):
+            dw.filters.remove_hidden(method, keep_depth=value)
+        with pytest.raises(InputError, match=message):
+            type(kept)(keep_depth=value)
 
 
 def test_an_image_with_more_cells_than_can_be_counted_is_refused():

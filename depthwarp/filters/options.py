@@ -1,0 +1,40 @@
+"""Checks of the options of filters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from depthwarp.checks import is_number
+from depthwarp.errors import InputError
+
+__all__ = ["check_options", "check_reach", "check_truth"]
+
+
+def check_options(method: str, given: dict[str, Any], known: tuple[str, ...]) -> dict[str, Any]:
+    """The options that were given, all of them known to the method.
+
+    Raises:
+        InputError: An option of another method; the message names those of this one.
+    """
+    options = {name: value for name, value in given.items() if value is not None}
+    for name in options:
+        if name not in known:
+            there = f"its options are {', '.join(known)}" if known else "it has no options"
+            raise InputError(f"method '{method}' has no {name}: {there}")
+    return options
+
+
+def check_reach(name: str, value: int, most: int) -> int:
+    """Return how far a filter looks [px], a whole number from 1 to `most`."""
+    if not is_number(value) or not 1 <= value <= most or value != int(value):
+        raise InputError(f"{name} must be a whole number from 1 to {most} pixels, got {value!r}")
+    return int(value)
+
+
+def check_truth(name: str, value: bool) -> bool:
+    """Return a truth value, of Python or NumPy; a number is none."""
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{name} must be one of True, False, got {value!r}")
+    return bool(value)
