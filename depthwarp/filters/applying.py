@@ -11,9 +11,11 @@ import numpy.typing as npt
 import warp as wp
 
 from depthwarp import arrays
+from depthwarp.cameras import DepthKind
 from depthwarp.depth_map import DepthMap
 from depthwarp.depth_maps import DepthMaps
 from depthwarp.devices import resolve_device
+from depthwarp.filters.blind import device_blind_pixels
 from depthwarp.filters.chain import build_steps, check_filters
 from depthwarp.filters.map_checks import check_maps, check_out
 from depthwarp.filters.maps import DeviceMaps, Filter, device_grids
@@ -114,19 +116,19 @@ def apply(
 
 
 def _tiles(views: Sequence[DepthMap], chain: Sequence[Filter]) -> Iterator[list[int]]:
-    """Numbers of views of one size, as many as take little memory together, at least one."""
-    of_size: dict[tuple[int, int], list[int]] = {}
+    """Numbers of views of one size and kind, as many as take little memory together, or one."""
+    of_kind: dict[tuple[tuple[int, int], DepthKind], list[int]] = {}
     for number, view in enumerate(views):
-        of_size.setdefault(view.camera.size, []).append(number)
+        of_kind.setdefault((view.camera.size, view.kind), []).append(number)
     a_pixel = MAP_BYTES + sum(one.scratch_bytes for one in chain)
-    for (width, height), numbers in of_size.items():
+    for ((width, height), _), numbers in of_kind.items():
         count = max(int(TILE_BYTES // (a_pixel * width * height)), 1)
         for first in range(0, len(numbers), count):
             yield numbers[first : first + count]
 
 
 def _filter_views(views: Sequence[DepthMap], chain: Sequence[Filter], device: Any) -> list[Arrays]:
-    """Depth, index and state of each view, filtered, in arrays of its own; views of one size."""
+    """Depth, index and state of each view, filtered, in arrays of its own; of one size and kind."""
 
     def upload(name: str, dtype: Any) -> Any:
         of_views = [getattr(view, name) for view in views]
@@ -134,11 +136,13 @@ def _filter_views(views: Sequence[DepthMap], chain: Sequence[Filter], device: An
         stacked = np.stack(of_views, dtype=wp.dtype_to_numpy(dtype), casting="unsafe")
         return arrays.share(stacked, dtype, device)
 
+    cameras = [view.camera for view in views]
     maps = DeviceMaps(
         depth=upload("depth", wp.float32),
         index=upload("index", wp.int32),
         state=upload("state", wp.uint8),
-        grids=device_grids([view.camera for view in views], device),
+        grids=device_grids(cameras, device),
+        blind=device_blind_pixels(cameras, views[0].kind, device),
     )
     for step in build_steps(chain, maps):
         step()

@@ -7,6 +7,7 @@ from typing import Any
 
 from depthwarp.checks import is_number
 from depthwarp.errors import InputError
+from depthwarp.filters.blind import emptying_step
 from depthwarp.filters.dilation import dilate
 from depthwarp.filters.filling import fill
 from depthwarp.filters.hidden import remove_hidden
@@ -63,7 +64,8 @@ def _check_filter(number: int, one: Any) -> None:
 def build_steps(filters: Sequence[Filter], maps: DeviceMaps) -> list[Callable[[], None]]:
     """The steps of a chain, in order; each allocates its working memory now, see `Filter.build`.
 
-    A plane fill right after a surround erase goes on with what that found, to the same result.
+    A plane fill right after a surround erase goes on with what that found, to the same result. What
+    a filter writes where the lens has no ray is emptied again.
     """
     steps: list[Callable[[], None]] = []
     for one in filters:
@@ -72,4 +74,7 @@ def build_steps(filters: Sequence[Filter], maps: DeviceMaps) -> list[Callable[[]
             steps.append(one.build_after(before))
         else:
             steps.append(one.build(maps))
-    return steps
+    if maps.blind is None:
+        return steps
+    empty = emptying_step(maps)
+    return [part for step in steps for part in (step, empty)]

@@ -25,6 +25,8 @@ class DeviceMaps:
         index: Winning point, `wp.int32`, -1 = empty; None where nobody asked for it.
         state: Values of `State`, `wp.uint8`.
         grids: What filters know of the cameras, `PixelGrid`, shape (views,); None without filters.
+        blind: Pixels that the lens has no ray for, 32 columns a word, `wp.uint32`, shape (V, H,
+            words); None where all have one.
         threads: Threads on a CPU; None for all cores that this process may use.
     """
 
@@ -32,6 +34,7 @@ class DeviceMaps:
     index: Any
     state: Any
     grids: Any = None
+    blind: Any = None
     threads: int | None = None
 
 

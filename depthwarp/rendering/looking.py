@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 import warp as wp
 
 from depthwarp.depth_map import DepthMap, RenderStats
 from depthwarp.filters import DeviceMaps
+from depthwarp.filters.blind import blind_pixels
+from depthwarp.filters.chain import build_steps
 from depthwarp.filters.maps import pixel_grids
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.views import DeviceViews, ViewPlan
@@ -34,6 +38,7 @@ class LookingPlan:
     """
 
     maps: DeviceMaps
+    _filters: list[Callable[[], None]]
 
     def __init__(
         self, views: Sequence[ViewPlan], config: RenderConfig, device: Any, *, culls: bool
@@ -57,6 +62,16 @@ class LookingPlan:
         self._cameras = [view.camera for view in views]
         if self.maps.grids is not None:
             self.maps.grids.assign(pixel_grids(self._cameras))
+            self._leave_empty(blind_pixels(self._cameras, self._config.depth))
+
+    def _leave_empty(self, blind: npt.NDArray[np.uint32] | None) -> None:
+        """Let the filters know of the pixels for which other lenses have no ray."""
+        if self.maps.blind is not None:
+            self.maps.blind.assign(0 * self.maps.blind.numpy() if blind is None else blind)
+        elif blind is not None:  # so far all pixels had one
+            on_device: Any = wp.array(blind, dtype=wp.uint32, device=self._device)
+            self.maps = replace(self.maps, blind=on_device)
+            self._filters = build_steps(self._config.filters, self.maps)
 
     def look_from_device(self, optical_from_world: Any) -> None:
         """Look from poses that are on the device, `wp.array` of `wp.mat44f`, shape (V,)."""

@@ -21,6 +21,7 @@ from tests.kernels.scenes import CULLED, SCENES, splat_configs
 FAMILIES = {
     "encode",
     "filters",
+    "filters_blind",
     "filters_fill",
     "filters_cone",
     "filters_layers",
