@@ -58,7 +58,7 @@ def _fill_step(maps: DeviceMaps, pyramid: Pyramid, build: Callable[[], None]) ->
     fill = row_launch(
         fill_planes,
         maps,
-        [pyramid.cells, device_sectors(maps.depth.device), maps.grids],
+        [pyramid.words, pyramid.cells, device_sectors(maps.depth.device), maps.grids],
         [maps.depth, maps.index, maps.state],
         blocks,
     )

@@ -91,17 +91,12 @@ class Pyramid:
                 [self.cells],
                 (sizes[1][0], self.words.shape[2]),
             ),
+            row_launch(layers.fill_next_levels, maps, [*sizes[0]], [self.cells], sizes[-1]),
         ]
-        firsts = [sum(r * c for r, c in sizes[:level]) for level in range(len(sizes))]
-        for level in range(2, layers.LEVELS):
-            below = sizes[level - 1]
-            numbers = [firsts[level - 1], firsts[level], *below, level]
-            launches.append(
-                row_launch(layers.fill_next_level, maps, numbers, [self.cells], sizes[level])
-            )
 
         def build() -> None:
             self._row_counts.zero_()
+            self.cells.fill_(layers.EMPTY_CELL)
             for launch in launches:
                 launch()
 

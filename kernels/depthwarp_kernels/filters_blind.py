@@ -2,9 +2,8 @@
 
 import warp as wp
 
-from depthwarp_kernels.filters_companions import lowest_bit
 from depthwarp_kernels.filters_fill import STATE_FILLED, STATE_FILLED_BORDER
-from depthwarp_kernels.filters_layers import WORD
+from depthwarp_kernels.filters_layers import WORD, lowest_bit
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)

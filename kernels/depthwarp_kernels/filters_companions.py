@@ -5,7 +5,7 @@ They are looked for among the bits of present pixels, 32 a word, so that gaps co
 
 import warp as wp
 
-from depthwarp_kernels.filters_layers import WORD
+from depthwarp_kernels.filters_layers import WORD, lowest_bit
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)
@@ -17,13 +17,6 @@ LAYER_SLOPE = wp.constant(wp.float32(1.0))
 LINE_SQUARE = wp.constant(wp.float32(10.24))
 """Square of 3.2: four companions lie along a line if their directions, as vectors of length 1 whose
 angles are doubled, add up to more. Of angles doubled, opposite directions are the same."""
-
-
-@wp.func
-def lowest_bit(word: wp.uint32):
-    """Number of the lowest bit that is set, by the exponent of its value; the word is not 0."""
-    lowest = word & (~word + wp.uint32(1))
-    return wp.int32(wp.cast(wp.float32(lowest), wp.uint32) >> wp.uint32(23)) - 127
 
 
 @wp.func

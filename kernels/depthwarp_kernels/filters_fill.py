@@ -21,7 +21,7 @@ from depthwarp_kernels.filters_fill_samples import (
     gather_samples,
     row_of_sample,
 )
-from depthwarp_kernels.filters_layers import PixelGrid, is_present
+from depthwarp_kernels.filters_layers import WORD, PixelGrid
 from depthwarp_kernels.filters_sectors import surrounds
 from depthwarp_kernels.options import EXACT
 
@@ -42,20 +42,14 @@ WIDER_REACH = wp.constant(3)
 
 @wp.func
 def empty_of_block(
-    depth: wp.array3d[wp.float32],
-    state: wp.array3d[wp.uint8],
-    v: wp.int32,
-    top: wp.int32,
-    left: wp.int32,
+    words: wp.array3d[wp.uint32], columns: wp.int32, v: wp.int32, top: wp.int32, left: wp.int32
 ):
     """The empty pixels of a block of 4 x 4, as bits, row by row."""
+    inside = (1 << wp.min(columns - left, 4)) - 1
     empty = int(0)
-    for k in range(16):
-        row = top + k // 4
-        column = left + k % 4
-        if row < depth.shape[1] and column < depth.shape[2]:
-            if not is_present(depth[v, row, column], state[v, row, column]):
-                empty = empty | (1 << k)
+    for k in range(wp.min(words.shape[1] - top, 4)):
+        present = words[v, top + k, left // WORD] >> wp.uint32(left % WORD)
+        empty = empty | ((~wp.int32(present) & inside) << (4 * k))
     return empty
 
 
@@ -161,6 +155,7 @@ def fill_quarter(
 def fill_planes(
     # In:
     first_row: wp.int32,
+    words: wp.array3d[wp.uint32],
     cells: wp.array2d[wp.uint64],
     sector_bits: wp.array[wp.uint32],
     grids: wp.array[PixelGrid],
@@ -175,7 +170,7 @@ def fill_planes(
     v = (first_row + i) // ((rows + 3) // 4)
     top = 4 * ((first_row + i) % ((rows + 3) // 4))
     left = 4 * j
-    empty = empty_of_block(depth_out, state_out, v, top, left)
+    empty = empty_of_block(words, columns, v, top, left)
     if empty == 0:
         return
     grid = grids[v]

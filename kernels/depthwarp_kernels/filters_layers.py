@@ -136,6 +136,13 @@ def column_of_cell(cell: wp.uint64):
 
 
 @wp.func
+def lowest_bit(word: wp.uint32):
+    """Number of the lowest bit that is set, by the exponent of its value; the word is not 0."""
+    lowest = word & (~word + wp.uint32(1))
+    return wp.int32(wp.cast(wp.float32(lowest), wp.uint32) >> wp.uint32(23)) - 127
+
+
+@wp.func
 def cells_of_level(rows: wp.int32, columns: wp.int32, level: wp.int32):
     """Areas of 1, 2, 4, ... pixels a side that an image has."""
     return (((rows - 1) >> level) + 1) * (((columns - 1) >> level) + 1)
@@ -159,9 +166,20 @@ def erase_pixel(
         index[v, row, column] = -1
 
 
-# Isolated pixels are left out: they speak for no surface. A thread takes blocks of 2 x 2 pixels,
-# each an area of the second level, of a word's columns; `words` says which pixels are there. Launch
-# over (rows of blocks, words).
+@wp.func
+def cell_of(
+    depth: wp.float32, spacing_bits: wp.int32, extents: wp.int32, row: wp.int32, column: wp.int32
+):
+    """A pixel at a place in an area; without extents its spacing bits are its spacing alone."""
+    kept = wp.where(extents != 0, spacing_bits, spacing_in(spacing_bits))
+    near = wp.uint64(wp.cast(depth, wp.uint32))
+    place = wp.uint64((row << 8) | column)
+    return (near << wp.uint64(32)) | (wp.uint64(kept) << wp.uint64(16)) | place
+
+
+# Isolated pixels are left out: they speak for no surface. The cells are empty before. A thread
+# takes two rows of a word's columns, which are areas of 2 x 2 pixels; `words` says which pixels are
+# there. Launch over (pairs of rows, words).
 @wp.kernel
 def fill_first_levels(
     # In:
@@ -177,58 +195,81 @@ def fill_first_levels(
     i, word = wp.tid()
     rows = depth.shape[1]
     columns = depth.shape[2]
-    own_rows = (rows + 1) // 2
-    own_columns = (columns + 1) // 2
-    v = (first_row + i) // own_rows
-    block_row = (first_row + i) - v * own_rows
-    most = limit[v]
-    for column in range(word * WORD, wp.min((word + 1) * WORD, columns), 2):
-        nearest = wp.uint64(EMPTY_CELL)
-        for down in range(2):
-            row = 2 * block_row + down
-            if row < rows:
-                bits = words[v, row, word] >> wp.uint32(column % WORD)
-                for right in range(2):
-                    cell = wp.uint64(EMPTY_CELL)
-                    if (bits >> wp.uint32(right)) & wp.uint32(1) != wp.uint32(0):
-                        own_bits = wp.int32(spacing[v, row, column + right])
-                        if spacing_in(own_bits) <= most:
-                            kept = wp.where(extents != 0, own_bits, spacing_in(own_bits))
-                            near = wp.uint64(wp.cast(depth[v, row, column + right], wp.uint32))
-                            cell = (near << wp.uint64(32)) | wp.uint64(kept << 16)
-                            place = wp.uint64((down << 8) | right)
-                            nearest = wp.min(nearest, cell | place)
-                    if column + right < columns:
-                        cells_out[v, row * columns + column + right] = cell
-        cells_out[v, rows * columns + block_row * own_columns + column // 2] = nearest
+    pairs = (rows + 1) // 2
+    v = (first_row + i) // pairs
+    pair = (first_row + i) - v * pairs
+    areas = rows * columns + pair * ((columns + 1) // 2)
+    for row in range(2 * pair, wp.min(2 * pair + 2, rows)):
+        bits = words[v, row, word]
+        while bits != wp.uint32(0):
+            column = word * WORD + lowest_bit(bits)
+            bits = bits & (bits - wp.uint32(1))
+            own = wp.int32(spacing[v, row, column])
+            if spacing_in(own) <= limit[v]:
+                kept = wp.where(extents != 0, own, spacing_in(own))
+                near = wp.uint64(wp.cast(depth[v, row, column], wp.uint32))
+                cell = (near << wp.uint64(32)) | (wp.uint64(kept) << wp.uint64(16))
+                cells_out[v, row * columns + column] = cell
+                area = areas + column // 2
+                place = wp.uint64(((row % 2) << 8) | (column % 2))
+                cells_out[v, area] = wp.min(cells_out[v, area], cell | place)
 
 
-# Launch over (rows, columns) of the level; `below` is the first cell of the finer level, of
-# `rows` x `columns` cells, and `own` that of this one.
-@wp.kernel
-def fill_next_level(
-    # In:
-    first_row: wp.int32,
-    below: wp.int32,
-    own: wp.int32,
+@wp.func
+def nearest_of_areas(
+    cells: wp.array2d[wp.uint64],
+    v: wp.int32,
+    first: wp.int32,
     rows: wp.int32,
     columns: wp.int32,
     level: wp.int32,
-    # Out:
-    cells_out: wp.array2d[wp.uint64],
+    row: wp.int32,
+    column: wp.int32,
 ):
-    i, column = wp.tid()
-    own_rows = (rows + 1) // 2
-    v = (first_row + i) // own_rows
-    row = (first_row + i) % own_rows
+    """The cell of an area from the four of the level below, of `rows` x `columns` from `first`."""
     half = wp.uint64(1 << (level - 1))
     nearest = wp.uint64(EMPTY_CELL)
     for k in range(4):
         r = 2 * row + k // 2
         c = 2 * column + k % 2
         if r < rows and c < columns:
-            cell = cells_out[v, below + r * columns + c]
+            cell = cells[v, first + r * columns + c]
             if cell != wp.uint64(EMPTY_CELL):
                 place = half * wp.uint64(k % 2) + (half * wp.uint64(k // 2) << wp.uint64(8))
                 nearest = wp.min(nearest, cell + place)
-    cells_out[v, own + row * ((columns + 1) // 2) + column] = nearest
+    return nearest
+
+
+# A thread takes one area of the coarsest level, and all of the levels between that lie in it, from
+# fine to coarse. Launch over (rows, columns) of the coarsest level, of `rows` x `columns` pixels.
+@wp.kernel
+def fill_next_levels(
+    # In:
+    first_row: wp.int32,
+    rows: wp.int32,
+    columns: wp.int32,
+    # Out:
+    cells_out: wp.array2d[wp.uint64],
+):
+    i, area_column = wp.tid()
+    area_rows = ((rows - 1) >> (LEVELS - 1)) + 1
+    v = (first_row + i) // area_rows
+    area_row = (first_row + i) - v * area_rows
+    below = rows * columns
+    rows_below = (rows + 1) >> 1
+    columns_below = (columns + 1) >> 1
+    for level in range(2, LEVELS):
+        own = below + rows_below * columns_below
+        own_rows = (rows_below + 1) >> 1
+        own_columns = (columns_below + 1) >> 1
+        finer = LEVELS - 1 - level
+        for k in range(1 << (2 * finer)):
+            row = (area_row << finer) + (k >> finer)
+            column = (area_column << finer) + (k & ((1 << finer) - 1))
+            if row < own_rows and column < own_columns:
+                cells_out[v, own + row * own_columns + column] = nearest_of_areas(
+                    cells_out, v, below, rows_below, columns_below, level, row, column
+                )
+        below = own
+        rows_below = own_rows
+        columns_below = own_columns

@@ -204,6 +204,17 @@ def test_what_shines_through_a_table_goes(device):
     assert gone[~inside & far].mean() < 0.01 and not gone[plate].any()
 
 
+def test_pixels_of_the_largest_spacing_hide(device):
+    """A screen with a point every 32 px, the farthest that is looked for, before a wall."""
+    depth = np.zeros((200, 264))
+    depth[4::6, 4::6] = 6.0
+    depth[::32, ::32] = 3.0
+    before = make_map(depth)
+    after = dw.filters.apply(before, [dw.filters.remove_hidden("surround")], device=device)
+    assert_maps(after, reference.surround_erase(arrays_of(before), grid_of(before), False))
+    assert ((depth == 6) & (after.depth == 0)).sum() > 300
+
+
 def test_planes_are_filled_exactly(device):
     """A slanted plane of which a tenth was measured: within 1 mm inside, hardly a gap."""
     camera = dw.PinholeCamera.from_fov((60, 45), (160, 120))

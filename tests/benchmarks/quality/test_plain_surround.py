@@ -64,6 +64,41 @@ def test_it_is_the_rule_of_its_description(share):
     assert 0 < found.sum() < (depth > 3).sum()
 
 
+def test_a_sparse_plate_hides_the_wall_behind_it():
+    """All of the dense wall that shows between the plate's pixels, and none beside the plate."""
+    depth = np.full((72, 80), 4.0, np.float32)
+    depth[16:57:4, 16:65:4] = 2.0
+    hidden = hidden_pixels(depth, PITCH)
+    behind, near = np.zeros_like(hidden), np.zeros_like(hidden)
+    behind[16:57, 16:65] = depth[16:57, 16:65] > 3
+    near[10:63, 10:71] = True  # the plate's spacing is 4 px: it reaches 6
+    assert hidden[behind].all() and behind.sum() == 41 * 49 - 11 * 13
+    assert not hidden[~near].any() and not hidden[depth < 3].any()
+
+
+def test_strays_round_a_pixel_hide_nothing():
+    """Each of another depth and so without a surface, on all sides of the wall's pixels."""
+    depth = np.full((60, 60), 6.0, np.float32)
+    angle = np.arange(16) * np.pi / 8
+    rows, columns = (np.rint(30 + 12 * part(angle)).astype(int) for part in (np.sin, np.cos))
+    depth[rows, columns] = 1.0 + 0.2 * np.arange(16)
+    assert not hidden_pixels(depth, PITCH).any()
+    depth[rows, columns] = 1.0  # of one surface they hide what they stand round
+    assert hidden_pixels(depth, PITCH)[30, 30]
+
+
+@pytest.mark.parametrize(("share", "most"), [(1.0, 0.0), (0.15, 0.05)])
+def test_a_floor_stays(share, most):
+    """At a grazing angle, up to 20 m: all of a full one, and 95 % of one with gaps at random.
+
+    What lies on one side of a line may leave a run of 7 sectors of 16: the rule's own weakness.
+    """
+    down = (np.arange(160) + 6.5) * PITCH[0]
+    floor = np.repeat((0.4 / down)[:, None], 200, axis=1).astype(np.float32)
+    floor[np.random.default_rng(2).random(floor.shape) > share] = 0
+    assert hidden_pixels(floor, PITCH).sum() <= most * np.count_nonzero(floor)
+
+
 def test_an_empty_map_has_nothing_hidden():
     """No pixel, no error."""
     assert not hidden_pixels(np.zeros((5, 7), np.float32), PITCH).any()
