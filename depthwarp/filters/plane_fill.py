@@ -49,7 +49,7 @@ class PlaneFill:
 
     def build_after(self, erase: SurroundStep) -> Callable[[], None]:
         """The same step for right after another, whose pyramid it goes on with."""
-        return _fill_step(erase.maps, erase.pyramid, erase.pyramid.leaving_out(erase.hidden))
+        return _fill_step(erase.maps, erase.pyramid, erase.pyramid.leaving_out(erase.erased))
 
 
 def _fill_step(maps: DeviceMaps, pyramid: Pyramid, build: Callable[[], None]) -> Callable[[], None]:

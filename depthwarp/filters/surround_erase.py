@@ -13,7 +13,8 @@ from depthwarp.filters.pyramid import PYRAMID_BYTES, Pyramid
 from depthwarp.filters.rows import row_launch
 from depthwarp.filters.sectors import device_sectors
 from depthwarp_kernels.filters_spacing import RUN
-from depthwarp_kernels.filters_surround import erase_hidden, find_freedom, mark_hidden
+from depthwarp_kernels.filters_strays import add_strays
+from depthwarp_kernels.filters_surround import erase_marked, find_freedom, mark_hidden
 
 __all__ = ["SurroundErase", "SurroundStep"]
 
@@ -46,7 +47,13 @@ class SurroundErase:
     octants 3 to 5 apart, so over 90 degrees, the least sum of (d - 0.5) / E, or of d where S is 1.
 
     p goes when its own freedom and the mean of its companions' is below 24.75 in the mean: of a
-    hidden surface nearly all pixels are hidden. The distance term spares slanted surfaces, the
+    hidden surface nearly all pixels are hidden.
+
+    **Strays**, such as the mixed pixels that a scanner measures at edges, go too: pixels with 12
+    others, none of them hidden, in nearer rings than their nearest companion; but none that is of a
+    line or has no 4 companions.
+
+    The distance term spares slanted surfaces, the
     sectors true edges, the gap what is seen through windows, and the spacing fits the reach to the
     density of every surface. The numbers were chosen on simulated scans of analytic scenes, see
     `benchmarks/quality`. Images of a full turn go round.
@@ -76,7 +83,7 @@ class SurroundStep:
 
     Attributes:
         pyramid: What it found of the maps, without what it erased.
-        hidden: Which pixels it erased, of the shape of `pyramid.words`, uint32.
+        erased: Which pixels it erased, of the shape of `pyramid.words`, uint32.
     """
 
     def __init__(self, maps: DeviceMaps, keep_depth: bool) -> None:
@@ -87,7 +94,8 @@ class SurroundStep:
         runs = rows, -(-columns // RUN)
         freedom = arrays.empty(maps.depth.shape, wp.uint8, device)
         self._doubtful = arrays.empty(pyramid.words.shape, wp.uint32, device)
-        self.hidden = arrays.empty(pyramid.words.shape, wp.uint32, device)
+        self._hidden = arrays.empty(pyramid.words.shape, wp.uint32, device)
+        self.erased = arrays.empty(pyramid.words.shape, wp.uint32, device)
         self._build = pyramid.reading(extents=True)
         self._find = row_launch(
             find_freedom,
@@ -100,22 +108,30 @@ class SurroundStep:
             mark_hidden,
             maps,
             [maps.depth, pyramid.words, pyramid.spacing, freedom, self._doubtful, maps.grids],
-            [self.hidden],
+            [self._hidden],
             runs,
         )
-        self._erase = row_launch(
-            erase_hidden,
+        self._add_strays = row_launch(
+            add_strays,
             maps,
-            [self.hidden, int(keep_depth)],
+            [maps.depth, pyramid.words, pyramid.spacing, self._hidden, maps.grids],
+            [self.erased],
+            pyramid.words.shape[1:],
+        )
+        self._erase = row_launch(
+            erase_marked,
+            maps,
+            [self.erased, int(keep_depth)],
             [maps.depth, maps.index, maps.state, pyramid.words],
             pyramid.words.shape[1:],
         )
 
     def __call__(self) -> None:
-        """Erase what is hidden in the maps."""
+        """Erase what is hidden in the maps, and strays."""
         self._build()
         self._doubtful.zero_()
-        self.hidden.zero_()
+        self._hidden.zero_()
         self._find()
         self._mark()
+        self._add_strays()
         self._erase()

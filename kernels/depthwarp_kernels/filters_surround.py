@@ -279,10 +279,10 @@ def mark_hidden(
 
 # `words_out` says which pixels are there. Launch over (rows, words).
 @wp.kernel
-def erase_hidden(
+def erase_marked(
     # In:
     first_row: wp.int32,
-    hidden: wp.array3d[wp.uint32],
+    marked: wp.array3d[wp.uint32],
     keep_depth: wp.int32,
     # Out:
     depth_out: wp.array3d[wp.float32],
@@ -294,7 +294,7 @@ def erase_hidden(
     rows = depth_out.shape[1]
     v = (first_row + i) // rows
     row = (first_row + i) - v * rows
-    bits = hidden[v, row, word]
+    bits = marked[v, row, word]
     words_out[v, row, word] = words_out[v, row, word] & ~bits
     while bits != wp.uint32(0):
         column = word * WORD + lowest_bit(bits)

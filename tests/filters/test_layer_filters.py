@@ -136,7 +136,7 @@ def test_what_is_seen_through_a_frame_stays(device):
 
 
 @pytest.mark.parametrize("roll", [0.0, 15.0, 35.0])
-@pytest.mark.parametrize("share", [1.0, 0.3, 0.05])
+@pytest.mark.parametrize("share", [1.0, 0.3, 0.05, 0.01])
 def test_a_perfect_slanted_floor_loses_nothing(device, share, roll):
     """At a grazing angle up to 20 m, dense or thinned out, however the camera is rolled."""
     floor = sparse(floor_map(roll), share)
@@ -165,7 +165,7 @@ def test_companions_decide_where_a_pixel_alone_does_not(device):
     assert not is_gone([(46, 46), (46, 50), (50, 46), (50, 50)])
 
 
-def test_one_stray_point_erases_nothing(device):
+def test_one_stray_point_erases_nothing_else(device):
     """1 m before a wall of which a fifth of the pixels was measured."""
     wall = sparse(make_map(np.full((120, 160), 5.0)), 0.2)
     depth = wall.depth.copy()
@@ -173,6 +173,20 @@ def test_one_stray_point_erases_nothing(device):
     stray = make_map(depth, wall.camera)
     erased = dw.filters.apply(stray, [dw.filters.remove_hidden("surround")], device=device)
     assert (erased.state != dw.State.ERASED).all()
+
+
+def test_strays_go_and_lines_stay(device):
+    """Five points far apart and a wire, 1 m before a wall of which a fifth was measured: the points
+    go, as many of the wall are nearer to each than the other points; the wire and the wall stay.
+    """
+    depth = sparse(make_map(np.full((120, 160), 5.0)), 0.2).depth.copy()
+    strays = np.zeros(depth.shape, bool)
+    strays[[46, 52, 55, 66, 70], [44, 58, 35, 48, 33]] = True
+    depth[strays] = 4.0
+    depth[::10, 120] = 4.0
+    chain = [dw.filters.remove_hidden("surround")]
+    gone = dw.filters.apply(make_map(depth), chain, device=device).state == dw.State.ERASED
+    np.testing.assert_array_equal(gone, strays)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.4])

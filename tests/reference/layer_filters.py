@@ -16,6 +16,7 @@ from .layers import (
     pyramid_of,
     sector,
     spacing_of,
+    square_round,
     surrounded,
 )
 
@@ -34,7 +35,7 @@ def erased(maps: Maps, hidden: np.ndarray, keep_depth: bool) -> Maps:
 
 def surround_erase(maps: Maps, grid: Grid, keep_depth: bool = False) -> Maps:
     """A pixel goes if it is seen too little freely between the nearer ones round it, its companions
-    as well: by the mean of its own freedom and theirs.
+    as well: by the mean of its own freedom and theirs. Strays go too.
     """
     depth, _, state = maps
     there = present(depth, state)
@@ -48,7 +49,23 @@ def surround_erase(maps: Maps, grid: Grid, keep_depth: bool = False) -> Maps:
         for k, (_, right, down) in enumerate(companions(depth, there, grid, row, column, reach)):
             four[k] = int(freedom[row + down, (column + right) % depth.shape[1]])
         hidden[row, column] = (4 * own + sum(four)) // 8 < 198
-    return erased(maps, hidden, keep_depth)
+    return erased(maps, hidden | strays_of(maps, grid, hidden), keep_depth)
+
+
+def strays_of(maps: Maps, grid: Grid, hidden: np.ndarray) -> np.ndarray:
+    """Pixels with 12 others that are not hidden in nearer rings than their nearest companion; but
+    none that is hidden, of a line, or without four companions.
+    """
+    depth, _, state = maps
+    there = present(depth, state)
+    spacing = spacing_of(depth, state, grid)
+    strays = np.zeros(depth.shape, bool)
+    for row, column in np.argwhere(there & ~hidden & ~spacing.line):
+        four = companions(depth, there, grid, row, column)
+        if len(four) == 4:
+            nearer = square_round(there & ~hidden, grid, row, column, four[0][0] - 1)
+            strays[row, column] = len(list(nearer)) >= 12
+    return strays
 
 
 def freedom_of(maps: Maps, grid: Grid) -> np.ndarray:

@@ -99,8 +99,16 @@ def companions(depth, there, grid, row, column, farthest=FARTHEST_RING):
 
 def _around(depth, there, grid, row, column, reach):
     """What is of the pixel's layer up to a ring, row by row, as (right, down)."""
-    rows, columns = depth.shape
     own = depth[row, column]
+    for right, down in square_round(there, grid, row, column, reach):
+        within = f32(0.025) + f32(1.0) * grid.pitch(own) * f32(max(abs(right), abs(down)))
+        if abs(depth[row + down, (column + right) % depth.shape[1]] - own) <= within:
+            yield right, down
+
+
+def square_round(there, grid, row, column, reach):
+    """Other pixels up to a ring, as (right, down): rows from the pixel's own outwards."""
+    rows, columns = there.shape
     for k in range(2 * reach + 1):
         away = (k + 1) // 2
         down = -away if k % 2 else away
@@ -109,11 +117,7 @@ def _around(depth, there, grid, row, column, reach):
         for turn in (-1, 0, 1) if grid.wraps else (0,):
             for right in range(-reach, reach + 1):
                 c = column + right + turn * columns
-                ring = max(abs(right), away)
-                if not 0 <= c < columns or ring == 0 or not there[row + down, c]:
-                    continue
-                within = f32(0.025) + f32(1.0) * grid.pitch(own) * f32(ring)
-                if abs(depth[row + down, c] - own) <= within:
+                if 0 <= c < columns and (right or down) and there[row + down, c]:
                     yield right, down
 
 
