@@ -86,7 +86,7 @@ def check_size(size: Sequence[int]) -> tuple[int, int]:
 
 def check_window(name: str, side: int) -> int:
     """Return the side of a square window [px], a whole number from 1 to `MAX_SIDE`."""
-    if not _is_whole(side) or not 1 <= side <= MAX_SIDE:
+    if not is_number(side) or not _is_whole(side) or not 1 <= side <= MAX_SIDE:
         raise InputError(f"{name} must be a whole number from 1 to {MAX_SIDE} pixels, got {side}")
     return int(side)
 

@@ -162,7 +162,7 @@ def _report(reporter: Reporter, depth_map: DepthMap, output: Path) -> None:
     stats, pixels = depth_map.stats, description["pixels"]
     reporter.say(
         f"{output}: {description['width']} x {description['height']} px, {depth_map.kind} depth, "
-        + ", ".join(f"{count:,} {name}" for name, count in pixels.items())
+        + ", ".join(f"{count:,} {name.replace('_', ' ')}" for name, count in pixels.items())
     )
     reporter.say(
         f"points: {stats.total:,} = "

@@ -1,4 +1,4 @@
-"""Pixels that a lens has no ray for: what a filter writes there is taken back."""
+"""Pixels that a lens has no ray for: what a filter fills there is taken back."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
+from depthwarp import arrays
 from depthwarp.cameras import Camera, DepthKind
 from depthwarp.filters.maps import DeviceMaps
 from depthwarp.filters.rows import row_launch
-from depthwarp_kernels.filters_blind import empty_blind
+from depthwarp_kernels.filters_blind import keep_blind, put_back_blind
 from depthwarp_kernels.filters_layers import WORD
 
-__all__ = ["blind_pixels", "device_blind_pixels", "emptying_step"]
+__all__ = ["blind_pixels", "device_blind_pixels", "sparing_blind"]
 
 GRID = 65
 """Columns and rows, corners among them, where a lens is asked first."""
@@ -67,10 +68,16 @@ def device_blind_pixels(cameras: Sequence[Camera], kind: DepthKind, device: Any)
     return None if words is None else wp.array(words, dtype=wp.uint32, device=device)
 
 
-def emptying_step(maps: DeviceMaps) -> Callable[[], None]:
-    """The step that empties again what was filled where `maps.blind` has a bit."""
-    written = [maps.depth, maps.index, maps.state]
-    return row_launch(empty_blind, maps, [maps.blind], written, maps.blind.shape[1:])
+def sparing_blind(
+    steps: Sequence[Callable[[], None]], maps: DeviceMaps
+) -> list[Callable[[], None]]:
+    """The steps, after each of which what it filled where `maps.blind` has a bit is as before."""
+    own = [maps.depth, maps.index, maps.state]
+    kept = [arrays.empty(array.shape, array.dtype, array.device) for array in own]
+    size = maps.blind.shape[1:]
+    keep = row_launch(keep_blind, maps, [maps.blind, *own], kept, size)
+    put_back = row_launch(put_back_blind, maps, [maps.blind, *kept], own, size)
+    return [part for step in steps for part in (keep, step, put_back)]
 
 
 @lru_cache(KNOWN_LENSES)

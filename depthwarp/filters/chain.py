@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from depthwarp.checks import is_number
 from depthwarp.errors import InputError
-from depthwarp.filters.blind import emptying_step
+from depthwarp.filters.blind import sparing_blind
 from depthwarp.filters.dilation import dilate
 from depthwarp.filters.filling import fill
 from depthwarp.filters.hidden import remove_hidden
@@ -52,12 +53,18 @@ def _check_filter(number: int, one: Any) -> None:
             f"filters[{number}] must be a filter, got the class {one.__name__}: make one of it, "
             f"{one.__name__}()"
         )
-    has_number = is_number(getattr(one, "scratch_bytes", None))
+    scratch: Any = getattr(one, "scratch_bytes", None)
+    has_number = is_number(scratch)
     if not has_number or not callable(getattr(one, "build", None)):
         raise InputError(
             f"filters[{number}] must be a filter such as dw.filters.fill(), got {one!r}, which has "
             f"no {'method build' if has_number else 'number scratch_bytes'}: a filter has both, "
             "see dw.filters.Filter; dw.filters.best() and dw.filters.paper() are whole lists"
+        )
+    if not 0 <= scratch < math.inf:
+        raise InputError(
+            f"filters[{number}] must have scratch_bytes from 0 on, its working memory a pixel "
+            f"[bytes], got {scratch}"
         )
 
 
@@ -65,7 +72,7 @@ def build_steps(filters: Sequence[Filter], maps: DeviceMaps) -> list[Callable[[]
     """The steps of a chain, in order; each allocates its working memory now, see `Filter.build`.
 
     A plane fill right after a surround erase goes on with what that found, to the same result. What
-    a filter writes where the lens has no ray is emptied again.
+    a filter fills where the lens has no ray is taken back.
     """
     steps: list[Callable[[], None]] = []
     for one in filters:
@@ -74,7 +81,4 @@ def build_steps(filters: Sequence[Filter], maps: DeviceMaps) -> list[Callable[[]
             steps.append(one.build_after(before))
         else:
             steps.append(one.build(maps))
-    if maps.blind is None:
-        return steps
-    empty = emptying_step(maps)
-    return [part for step in steps for part in (step, empty)]
+    return steps if maps.blind is None else sparing_blind(steps, maps)

@@ -13,7 +13,7 @@ from depthwarp.threads import Shared, share
 
 __all__ = ["row_launch"]
 
-PARTS_A_THREAD = 16
+PARTS_A_THREAD = 8
 """Parts that a thread takes one after the other, so that none waits long for the last."""
 
 LEAST_PIXELS = 1 << 13

@@ -32,8 +32,8 @@ class SurroundErase:
 
     **Extent E** of a pixel, how far it stands for its surface: S. Companions lie along a line if
     their directions, angles doubled, add up to over 3.2. Then E is the way to the farther of two
-    companions off the line, by 30 degrees, one on each side and at most 12 px away, or half of S if
-    that is more; without such, half of S, and the pixel is of a line: a pole or a wire.
+    companions off the line, by 30 degrees, one on each side and at most 12 px away; without such,
+    half of S, and the pixel is of a line: a pole or a wire.
 
     **Hiding.** q hides towards p, d px away, if it is nearer by more than
     0.02 m + 0.004 z_p + 0.5 d g, if d is at most 3 E, or 1.5 px where S is 1, and if S is at most
@@ -47,16 +47,16 @@ class SurroundErase:
     octants 3 to 5 apart, so over 90 degrees, the least sum of (d - 0.5) / E, or of d where S is 1.
 
     p goes when its own freedom and the mean of its companions' is below 24.75 in the mean: of a
-    hidden surface nearly all pixels are hidden.
+    hidden surface nearly all pixels are hidden. The distance term spares slanted surfaces, the
+    sectors true edges, the gap what is seen through windows, and the spacing fits the reach to the
+    density of every surface.
 
     **Strays**, such as the mixed pixels that a scanner measures at edges, go too: pixels with 12
-    others, none of them hidden, in nearer rings than their nearest companion; but none that is of a
-    line or has no 4 companions.
+    others, none of them hidden, in nearer rings than their nearest companion, which may be hidden;
+    but none that is of a line or has no 4 companions, as one alone.
 
-    The distance term spares slanted surfaces, the
-    sectors true edges, the gap what is seen through windows, and the spacing fits the reach to the
-    density of every surface. The numbers were chosen on simulated scans of analytic scenes, see
-    `benchmarks/quality`. Images of a full turn go round.
+    The numbers were chosen on simulated scans of analytic scenes, see `benchmarks/quality`. Images
+    of a full turn go round.
 
     Attributes:
         keep_depth: Whether an erased pixel keeps its depth and index.

@@ -62,12 +62,14 @@ class LookingPlan:
         self._cameras = [view.camera for view in views]
         if self.maps.grids is not None:
             self.maps.grids.assign(pixel_grids(self._cameras))
-            self._leave_empty(blind_pixels(self._cameras, self._config.depth))
+            self._spare_blind(blind_pixels(self._cameras, self._config.depth))
 
-    def _leave_empty(self, blind: npt.NDArray[np.uint32] | None) -> None:
-        """Let the filters know of the pixels for which other lenses have no ray."""
-        if self.maps.blind is not None:
-            self.maps.blind.assign(0 * self.maps.blind.numpy() if blind is None else blind)
+    def _spare_blind(self, blind: npt.NDArray[np.uint32] | None) -> None:
+        """Let the filters spare the pixels for which other lenses have no ray."""
+        if self.maps.blind is not None and blind is None:
+            self.maps.blind.zero_()
+        elif self.maps.blind is not None:
+            self.maps.blind.assign(blind)
         elif blind is not None:  # so far all pixels had one
             on_device: Any = wp.array(blind, dtype=wp.uint32, device=self._device)
             self.maps = replace(self.maps, blind=on_device)

@@ -1,4 +1,7 @@
-"""Emptying pixels that a lens has no ray for."""
+"""Pixels that a lens has no ray for: kept, and put back where a filter has filled them.
+
+Kernels take `first_row`: rows of all views counted on.
+"""
 
 import warp as wp
 
@@ -8,30 +11,58 @@ from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)
 
-STATE_EMPTY = wp.constant(wp.uint8(0))
 
-
-# It takes `first_row`: rows of all views counted on. Launch over (rows, words).
+# Launch over (rows, words).
 @wp.kernel
-def empty_blind(
+def keep_blind(
     # In:
     first_row: wp.int32,
     blind: wp.array3d[wp.uint32],
+    depth: wp.array3d[wp.float32],
+    index: wp.array3d[wp.int32],
+    state: wp.array3d[wp.uint8],
     # Out:
     depth_out: wp.array3d[wp.float32],
     index_out: wp.array3d[wp.int32],
     state_out: wp.array3d[wp.uint8],
 ):
     i, word = wp.tid()
-    rows = depth_out.shape[1]
+    rows = depth.shape[1]
     v = (first_row + i) // rows
     row = (first_row + i) - v * rows
     bits = blind[v, row, word]
     while bits != wp.uint32(0):
         column = word * WORD + lowest_bit(bits)
         bits = bits & (bits - wp.uint32(1))
-        state = state_out[v, row, column]
-        if state == STATE_FILLED or state == STATE_FILLED_BORDER:
-            depth_out[v, row, column] = 0.0
-            index_out[v, row, column] = -1
-            state_out[v, row, column] = STATE_EMPTY
+        depth_out[v, row, column] = depth[v, row, column]
+        index_out[v, row, column] = index[v, row, column]
+        state_out[v, row, column] = state[v, row, column]
+
+
+# Launch over (rows, words).
+@wp.kernel
+def put_back_blind(
+    # In:
+    first_row: wp.int32,
+    blind: wp.array3d[wp.uint32],
+    depth: wp.array3d[wp.float32],
+    index: wp.array3d[wp.int32],
+    state: wp.array3d[wp.uint8],
+    # Out:
+    depth_out: wp.array3d[wp.float32],
+    index_out: wp.array3d[wp.int32],
+    state_out: wp.array3d[wp.uint8],
+):
+    i, word = wp.tid()
+    rows = depth.shape[1]
+    v = (first_row + i) // rows
+    row = (first_row + i) - v * rows
+    bits = blind[v, row, word]
+    while bits != wp.uint32(0):
+        column = word * WORD + lowest_bit(bits)
+        bits = bits & (bits - wp.uint32(1))
+        written = state_out[v, row, column]
+        if written == STATE_FILLED or written == STATE_FILLED_BORDER:
+            depth_out[v, row, column] = depth[v, row, column]
+            index_out[v, row, column] = index[v, row, column]
+            state_out[v, row, column] = state[v, row, column]

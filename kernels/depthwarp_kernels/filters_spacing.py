@@ -51,6 +51,9 @@ FIRST_REACH = wp.constant(2)
 REACH_FACTOR = wp.constant(4)
 """Rings are searched up to 2, 8 and 32 px, as long as they do not hold enough."""
 
+SPARSE_BITS = wp.constant(8)
+"""Where a word has at most so many pixels, from 8 px on at once, to the same result."""
+
 
 # Launch over (rows, words).
 @wp.kernel
@@ -89,7 +92,8 @@ def spacing_bits_at(
     """Spacing bits of a present pixel; without extents its spacing alone."""
     own = depth[v, row, column]
     slope = LAYER_SLOPE * pitch(grid, own)
-    reach = int(FIRST_REACH)
+    is_sparse = wp.bit_count(words[v, row, column // WORD]) <= SPARSE_BITS
+    reach = wp.where(is_sparse, FIRST_REACH * REACH_FACTOR, FIRST_REACH)
     four = nearest_companions(depth, words, v, row, column, reach, grid.wraps, own, slope)
     while ring_of(four[3]) > reach and reach < FARTHEST_RING:
         reach = reach * REACH_FACTOR
@@ -102,11 +106,14 @@ def spacing_bits_at(
     line = line_through(four)
     if line[0] == 0.0 and line[1] == 0.0:
         return spacing_bits_of(spacing, 4 * spacing)
-    across = ring_across(depth, words, v, row, column, FARTHEST_ROW, grid.wraps, own, slope, line)
-    least = LINE_QUARTERS * spacing
-    if across <= FARTHEST_ROW and 4 * across > least:
+    across = int(FARTHEST_ROW + 1)
+    if spacing <= FARTHEST_ROW:  # rows are farther apart than the companions along a line
+        across = ring_across(
+            depth, words, v, row, column, FARTHEST_ROW, grid.wraps, own, slope, line
+        )
+    if across <= FARTHEST_ROW:
         return spacing_bits_of(spacing, 4 * across)
-    return spacing_bits_of(spacing, least) | ALONG_LINE
+    return spacing_bits_of(spacing, LINE_QUARTERS * spacing) | ALONG_LINE
 
 
 # On a CPU one thread has a row and its counts; on CUDA several share them, hence the atomics.

@@ -10,12 +10,12 @@ import warp as wp
 
 import depthwarp as dw
 from depthwarp.errors import LensDomainWarning
-from depthwarp.filters.blind import blind_pixels
+from depthwarp.filters.blind import _blind_of, blind_pixels
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.inputs import device_points
 from depthwarp.rendering.plan import RenderPlan
 from depthwarp.rendering.views import ViewPlan
-from tests.filters.maps import make_map
+from tests.filters.maps import arrays_of, assert_maps, make_map
 
 POSE = dw.Pose.from_orientation((0, 0, 0), (0, 0, 0))
 
@@ -45,6 +45,14 @@ def circle_map(camera: dw.Camera, kind: str = "range") -> dw.DepthMap:
     return replace(make_map(np.where(drawn, 3.0, 0.0), camera), kind=kind)
 
 
+def mixed_states(camera: dw.Camera) -> dw.DepthMap:
+    """A third of all pixels, with a ray or without, hold a depth, in all states that may."""
+    rng = np.random.default_rng(6)
+    depth = np.where(rng.random((60, 70)) < 0.3, 3.0 + rng.integers(0, 2, (60, 70)), 0.0)
+    held = rng.choice([s for s in dw.State if s != dw.State.EMPTY], depth.shape)
+    return make_map(depth, camera, np.where(depth > 0, held, dw.State.EMPTY))
+
+
 @pytest.mark.parametrize("kind", ["range", "z"])
 @pytest.mark.parametrize("step", FILLS, ids=lambda step: type(step).__name__)
 def test_nothing_is_filled_beside_the_image_circle(device, fisheye, step, kind):
@@ -64,6 +72,25 @@ def test_a_measured_pixel_whose_middle_has_no_ray_stays(device, fisheye):
     depth[row, column] = 3.0
     after = dw.filters.apply(make_map(depth, fisheye), dw.filters.best(), device=device)
     assert after.depth[row, column] == 3.0
+
+
+@pytest.mark.parametrize("step", FILLS, ids=lambda step: type(step).__name__)
+def test_what_a_pixel_without_a_ray_held_stays(device, fisheye, step):
+    """Measured, filled before, or erased with its depth kept: fills and dilation leave it."""
+    before = mixed_states(fisheye)
+    after = dw.filters.apply(before, [step], device=device)
+    blind = ~has_ray(fisheye)
+    for ours, theirs in zip(arrays_of(after), arrays_of(before), strict=True):
+        np.testing.assert_array_equal(ours[blind], theirs[blind])
+
+
+def test_a_chain_is_its_filters_one_by_one(device, fisheye):
+    """Also where pixels without a ray hold a depth: the fill may start from them."""
+    before = mixed_states(fisheye)
+    chain = dw.filters.best()
+    together = dw.filters.apply(before, chain, device=device)
+    erased = dw.filters.apply(before, chain[:1], device=device)
+    assert_maps(together, arrays_of(dw.filters.apply(erased, chain[1:], device=device)))
 
 
 def test_in_a_plan_it_is_as_on_the_finished_map(device, fisheye):
@@ -95,3 +122,7 @@ def test_most_lenses_have_a_ray_for_every_pixel():
     """Then nothing is kept; equal lenses at other places are asked once."""
     pinhole = dw.PinholeCamera.from_fov((60, 45), (64, 48))
     assert blind_pixels([pinhole, dw.OrthographicCamera(0.01, 64, 48, POSE)], "range") is None
+    asked = _blind_of.cache_info().misses
+    elsewhere = dw.Pose.from_orientation((1, 2, 3), (4, 5, 6))
+    assert blind_pixels([pinhole, replace(pinhole, pose=elsewhere)], "range") is None
+    assert _blind_of.cache_info().misses == asked

@@ -389,6 +389,7 @@ def test_unknown_methods_and_foreign_options_are_refused():
         ),
         (lambda: dw.filters.fill("nearest", radius=2.5), "radius must be .*, got 2.5"),
         (lambda: dw.filters.fill("nearest", radius=True), "radius must be .*, got True"),
+        (lambda: dw.filters.dilate(side=True), "side must be .*, got True"),
         (lambda: dw.filters.NearestFill(math.nan), "radius must be .*, got nan"),
     ],
 )

@@ -72,8 +72,8 @@ def spacing_of(depth: np.ndarray, state: np.ndarray, grid: Grid) -> Spacing:
         if direction is not None:
             across = _ring_across(depth, there, grid, row, column, direction)
             half = f32(0.5) * extent[row, column]
-            line[row, column] = across is None or f32(across) <= half
-            extent[row, column] = half if line[row, column] else f32(across)
+            line[row, column] = across is None
+            extent[row, column] = half if across is None else f32(across)
     return Spacing(own, extent, line)
 
 
