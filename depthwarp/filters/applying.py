@@ -17,8 +17,9 @@ from depthwarp.depth_maps import DepthMaps
 from depthwarp.devices import resolve_device
 from depthwarp.filters.blind import device_blind_pixels
 from depthwarp.filters.chain import build_steps, check_filters
-from depthwarp.filters.map_checks import check_maps, check_out
+from depthwarp.filters.map_checks import KERNEL_TYPES, check_maps
 from depthwarp.filters.maps import DeviceMaps, Filter, device_grids
+from depthwarp.filters.out_checks import check_out
 
 __all__ = ["apply"]
 
@@ -79,8 +80,9 @@ def apply(
 
     Raises:
         InputError: Not a sequence of filters, no depth map, arrays of another size than the
-            camera's image, a depth that is negative or not finite, a state that is none or
-            contradicts the depth, or an `out` of another kind, size or type. Nothing is written.
+            camera's image or no numbers of the right kind, a depth that is neither 0 nor from
+            1e-30 to 1e30 m, a state that is none or contradicts the depth, or an `out` of another
+            kind, size or type or whose arrays share memory. Nothing is written.
         DeviceError: The device is not on this machine.
 
     Example:
@@ -133,7 +135,7 @@ def _filter_views(views: Sequence[DepthMap], chain: Sequence[Filter], device: An
     def upload(name: str, dtype: Any) -> Any:
         of_views = [getattr(view, name) for view in views]
         # Stacked they are new memory, in which the filters of a CPU may write.
-        stacked = np.stack(of_views, dtype=wp.dtype_to_numpy(dtype), casting="unsafe")
+        stacked = np.stack(of_views, dtype=KERNEL_TYPES[name], casting="unsafe")
         return arrays.share(stacked, dtype, device)
 
     cameras = [view.camera for view in views]

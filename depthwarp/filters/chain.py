@@ -25,7 +25,7 @@ def paper() -> tuple[Filter, ...]:
 
 
 def best() -> tuple[Filter, ...]:
-    """The most accurate chain: erase what is surrounded, then fill with planes, layer by layer."""
+    """The most accurate chain: erase hidden pixels and strays, then fill with planes, by layers."""
     return remove_hidden("surround"), fill("plane")
 
 

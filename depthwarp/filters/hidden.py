@@ -30,8 +30,9 @@ def remove_hidden(
 
     Args:
         method: `"surround"`: a pixel goes if it lies in the gaps of nearer surfaces, which stand
-            round it on all sides; needs no setting; see `SurroundErase`. `"cone"`: a pixel
-            goes if it sees too little of what lies towards the camera; see `ConeErase`. `"paper"`:
+            round it on all sides, or is a stray; needs no setting; see `SurroundErase`.
+            `"cone"`: a pixel goes if it sees too little of what lies towards the camera; see
+            `ConeErase`. `"paper"`:
             section 3.4, with "a neighbourhood area of 10 px" read as a window of side 10; `side=21`
             is the other reading (a radius of 10); see `PaperErase`.
         side: Of `"paper"`: side of the square window [px]; 10 when None.

@@ -10,10 +10,16 @@ from depthwarp.depth_map import DepthMap, State
 from depthwarp.depth_maps import DepthMaps
 from depthwarp.errors import InputError
 
-__all__ = ["check_maps", "check_out"]
+__all__ = ["KERNEL_TYPES", "check_maps", "kind_of"]
 
-MAPS = ("depth", "index", "state")
-"""What a filter reads and writes of a depth map."""
+KERNEL_TYPES = {"depth": np.float32, "index": np.int32, "state": np.uint8}
+"""What a filter reads and writes of a depth map, in which type."""
+
+KINDS = {"depth": ("f", "floats"), "index": ("iu", "integers"), "state": ("iu", "integers")}
+"""Which types of NumPy it may come in, and in words."""
+
+LEAST_DEPTH, LARGEST_DEPTH = 1e-30, 1e30
+"""Depths [m] whose inverse is a float32 too."""
 
 
 def check_maps(maps: DepthMap | DepthMaps) -> list[DepthMap]:
@@ -28,7 +34,7 @@ def check_maps(maps: DepthMap | DepthMaps) -> list[DepthMap]:
         return [maps]
     if not isinstance(maps, DepthMaps):
         raise InputError(
-            f"maps must be a dw.DepthMap or a dw.DepthMaps, got {_kind_of(maps)}: pass what "
+            f"maps must be a dw.DepthMap or a dw.DepthMaps, got {kind_of(maps)}: pass what "
             "dw.render or dw.render_batch gave, or make a dw.DepthMap of arrays and their camera, "
             "a dw.DepthMaps of a list of maps"
         )
@@ -38,55 +44,31 @@ def check_maps(maps: DepthMap | DepthMaps) -> list[DepthMap]:
     return list(maps)
 
 
-def check_out(maps: DepthMap | DepthMaps, out: DepthMap | DepthMaps) -> list[DepthMap]:
-    """The views of `out`, into which the results of `maps` can be written.
-
-    Raises:
-        InputError: Another kind or number of views, an array of another size or type or that is
-            read-only, or one array for several views.
-    """
-    if isinstance(maps, DepthMap):
-        if not isinstance(out, DepthMap):
-            raise InputError(f"out must be a dw.DepthMap as maps is, got {_kind_of(out)}")
-        _check_place(maps, out, "out")
-        return [out]
-    if not isinstance(out, DepthMaps) or len(out) != len(maps):
-        got = f"{len(out)} views" if isinstance(out, DepthMaps) else _kind_of(out)
-        raise InputError(f"out must be a dw.DepthMaps of {len(maps)} views as maps is, got {got}")
-    for number, (depth_map, place) in enumerate(zip(maps, out, strict=True)):
-        _check_place(depth_map, place, f"out[{number}]")
-    for name in MAPS:
-        if len({id(getattr(place, name)) for place in out}) < len(out):
-            raise InputError(f"out must have arrays for every view, got one {name} for several")
-    return list(out)
-
-
-def _check_place(depth_map: DepthMap, place: DepthMap, label: str) -> None:
-    for name in MAPS:
-        ours, theirs = getattr(place, name), getattr(depth_map, name)
-        expected = f"{label}.{name} must be writable, {theirs.dtype} of shape {theirs.shape}"
-        if not isinstance(ours, np.ndarray):
-            raise InputError(f"{expected}, got {_kind_of(ours)}")
-        if ours.shape != theirs.shape or ours.dtype != theirs.dtype or not ours.flags.writeable:
-            how = "" if ours.flags.writeable else "read-only "
-            raise InputError(f"{expected}, got {how}{ours.dtype} of {ours.shape}")
-
-
 def _check_map(depth_map: DepthMap, label: str) -> None:
     width, height = depth_map.camera.size
-    for name in MAPS:
+    for name, (kinds, words) in KINDS.items():
         values = getattr(depth_map, name)
         is_array = isinstance(values, np.ndarray)
         if not is_array or values.shape != (height, width):
             raise InputError(
                 f"{label}{name} must be an array of the camera's shape (height, width) = "
-                f"{height, width}, got {values.shape if is_array else _kind_of(values)}"
+                f"{height, width}, got {values.shape if is_array else kind_of(values)}"
             )
-    depth = depth_map.depth
-    for row, column in np.argwhere(~((depth >= 0) & (depth < np.inf))).tolist():
+        if values.dtype.kind not in kinds:
+            raise InputError(f"{label}{name} must be an array of {words}, got {values.dtype}")
+    depth, index = depth_map.depth, depth_map.index
+    fits = (depth == 0) | ((depth >= LEAST_DEPTH) & (depth <= LARGEST_DEPTH))
+    for row, column in np.argwhere(~fits).tolist():
         raise InputError(
-            f"{label}depth must be finite and not negative, got {depth[row, column]} at "
-            f"[{row}, {column}]: an empty pixel has depth 0, index -1 and State.EMPTY"
+            f"{label}depth must be 0 or from {LEAST_DEPTH:g} to {LARGEST_DEPTH:g} m, got "
+            f"{depth[row, column]} at [{row}, {column}]: an empty pixel has depth 0, index -1 and "
+            "State.EMPTY"
+        )
+    most = np.iinfo(np.int32).max
+    for row, column in np.argwhere((index < -1) | (index > most)).tolist():
+        raise InputError(
+            f"{label}index must be from -1, of an empty pixel, to {most}, got "
+            f"{index[row, column]} at [{row}, {column}]"
         )
     _check_states(depth_map, label)
 
@@ -108,5 +90,6 @@ def _check_states(depth_map: DepthMap, label: str) -> None:
         )
 
 
-def _kind_of(value: Any) -> str:
+def kind_of(value: Any) -> str:
+    """The name of a value's type, for messages."""
     return "None" if value is None else type(value).__name__

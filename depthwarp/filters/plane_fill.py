@@ -36,7 +36,7 @@ class PlaneFill:
 
     A block of 4 x 4 is filled as one where all its samples, which reach 1.5 px farther then, are
     one layer that surrounds it. Else each 2 x 2 of it is filled by itself. Isolated pixels are no
-    samples. Images of a full turn go round.
+    samples. Images of a full turn go round, with the limit of `SurroundErase` beside the seam.
     The numbers were chosen on simulated scans of analytic scenes, see `benchmarks/quality`.
     """
 

@@ -36,7 +36,7 @@ class PushPullFill:
         written = [maps.depth, maps.index, maps.state]
         views, rows, columns = maps.depth.shape
         sizes = level_sizes(rows, columns, LEVELS)
-        check_cells(sizes)
+        check_cells(sizes, views)
         firsts = [sum(r * c for r, c in sizes[:level]) for level in range(LEVELS)]
         shape = (views, sum(r * c for r, c in sizes))
         levels = [

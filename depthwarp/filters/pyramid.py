@@ -18,6 +18,7 @@ from depthwarp_kernels.filters_layers import WORD
 __all__ = ["PYRAMID_BYTES", "Pyramid", "check_cells", "level_sizes"]
 
 MOST_CELLS = (1 << 31) - 1
+CELL_BYTES = 8
 
 PYRAMID_BYTES = 13
 """Working memory a pixel: spacing, cells of all levels, and bits."""
@@ -41,7 +42,7 @@ class Pyramid:
         depth, device = maps.depth, maps.depth.device
         views, rows, columns = depth.shape
         self._sizes = level_sizes(rows, columns, layers.LEVELS)
-        check_cells(self._sizes)
+        check_cells(self._sizes, views)
         self.words = arrays.empty((views, rows, -(-columns // WORD)), wp.uint32, device)
         self.spacing = arrays.empty(depth.shape, wp.uint16, device)
         self._row_counts = arrays.empty((views, rows, spacings.SPACING_BINS), wp.int32, device)
@@ -109,17 +110,23 @@ def level_sizes(rows: int, columns: int, levels: int) -> list[tuple[int, int]]:
     return [(-(-rows // side), -(-columns // side)) for side in sides]
 
 
-def check_cells(sizes: list[tuple[int, int]]) -> None:
-    """Refuse a view whose cells a 32-bit number cannot count.
+def check_cells(sizes: list[tuple[int, int]], views: int) -> None:
+    """Refuse a view whose cells a 32-bit number cannot count, of several also their bytes.
 
     Raises:
-        CapacityError: The image is too large for filters that use levels.
+        CapacityError: The images are too large for filters that use levels.
     """
     rows, columns = sizes[0]
-    if sum(r * c for r, c in sizes) > MOST_CELLS:
+    cells = sum(r * c for r, c in sizes)
+    if cells > MOST_CELLS:
         raise CapacityError(
             f"this filter takes images of up to about 1.6e9 pixels, got {columns} x {rows}: "
             "render in tiles"
+        )
+    if views > 1 and cells * CELL_BYTES > MOST_CELLS:
+        raise CapacityError(
+            f"this filter takes several images of up to about 2e8 pixels at once, got {views} of "
+            f"{columns} x {rows}: render one after the other"
         )
 
 

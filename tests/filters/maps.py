@@ -9,7 +9,7 @@ import depthwarp as dw
 from tests.rendering.strategies import seeds
 
 SHAPES = st.one_of(
-    st.sampled_from([(1, 1), (1, 19), (23, 1), (2, 2), (16, 33)]),
+    st.sampled_from([(1, 1), (1, 19), (23, 1), (2, 2), (16, 33), (6, 70), (4, 107)]),
     st.tuples(st.integers(1, 22), st.integers(1, 26)),
 )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -141,7 +143,11 @@ def test_an_out_of_another_kind_is_refused():
     refused(one, one.depth, "^out must be a dw.DepthMap as maps is, got ndarray$")
     refused(batch, one, "^out must be a dw.DepthMaps of 2 views as maps is, got DepthMap$")
     refused(batch, batch[:1], "^out must be a dw.DepthMaps of 2 views as maps is, got 1 views$")
-    refused(batch, dw.DepthMaps([one, one]), "got one depth for several")
+    refused(batch, dw.DepthMaps([one, one]), r"^out\[0\].(\w+) and out\[1\].\1 share memory")
+    rows = np.zeros((45, 40), np.float32)
+    lower, upper = (replace(one, depth=rows[top : top + 30]) for top in (0, 15))
+    own = replace(upper, index=one.index.copy(), state=one.state.copy())
+    refused(batch, dw.DepthMaps([lower, own]), r"^out\[0\].depth and out\[1\].depth share memory")
     small = dw.DepthMaps([one, make_map(np.zeros((30, 39)))])
     refused(batch, small, r"^out\[1\].depth must be .* of shape \(30, 40\), got .*39")
     refused(one, replace(one, state=None), r"^out.state must be .* \(30, 40\), got None")
@@ -207,13 +213,62 @@ def test_maps_of_another_size_are_refused(name):
         dw.filters.apply(bad, dw.filters.best())
 
 
-@pytest.mark.parametrize("depth", [np.nan, np.inf, -3.0])
+@pytest.mark.parametrize(
+    ("name", "dtype", "message"),
+    [
+        ("depth", np.int32, "^depth must be an array of floats, got int32$"),
+        ("depth", np.complex64, "^depth must be an array of floats, got complex64$"),
+        ("depth", "U3", "^depth must be an array of floats, got <U3$"),
+        ("index", np.float64, "^index must be an array of integers, got float64$"),
+        ("state", np.float32, "^state must be an array of integers, got float32$"),
+        ("state", bool, "^state must be an array of integers, got bool$"),
+    ],
+)
+def test_arrays_of_another_kind_are_refused(name, dtype, message):
+    """Nothing is converted in silence."""
+    good = make_map(np.ones((4, 5)))
+    with pytest.raises(InputError, match=message):
+        dw.filters.apply(replace(good, **{name: getattr(good, name).astype(dtype)}), [])
+
+
+@pytest.mark.parametrize("index", [1 << 31, (1 << 32) - 1, -2])
+def test_an_index_that_is_none_is_refused(index):
+    """What an int32 cannot hold would become another point."""
+    good = make_map(np.ones((4, 5)))
+    wide = good.index.astype(np.int64)
+    wide[1, 2] = index
+    with pytest.raises(InputError, match=rf"^index must be .*, got {index} at \[1, 2\]$"):
+        dw.filters.apply(replace(good, index=wide), [])
+
+
+def test_wide_types_are_taken_and_given_back(device):
+    """As the maps of another program may come: the same values, and in `out` the same types."""
+    wall = sparse(make_map(np.full((30, 40), 4.0)), 0.3)
+    expected = dw.filters.apply(wall, dw.filters.best(), device=device)
+    wide = replace(
+        wall,
+        depth=wall.depth.astype(np.float64),
+        index=wall.index.astype(np.int64),
+        state=wall.state.astype(np.int16),
+    )
+    assert_maps(dw.filters.apply(wide, dw.filters.best(), device=device), arrays_of(expected))
+    written = dw.filters.apply(wide, dw.filters.best(), device=device, out=wide)
+    assert [array.dtype for array in arrays_of(written)] == [np.float64, np.int64, np.int16]
+    assert_maps(written, arrays_of(expected))
+    narrow = replace(wall, index=wall.index.astype(np.uint32).clip(0, 9))
+    with pytest.raises(InputError, match="^out.index must hold all that int32 does, got uint32$"):
+        dw.filters.apply(narrow, dw.filters.best(), out=narrow)
+
+
+@pytest.mark.parametrize("depth", [np.nan, np.inf, -3.0, 1e39, 1e-40])
 def test_what_is_no_depth_is_refused(depth):
-    """A depth map holds none of them; the message says what an empty pixel holds."""
+    """Nor what is none as a float32; the message says what an empty pixel holds."""
     values = np.ones((4, 5))
     values[2, 3] = depth
-    with pytest.raises(InputError, match=rf"got {depth} at \[2, 3\]: an empty pixel has depth 0"):
-        dw.filters.apply(make_map(values), dw.filters.best())
+    bad = replace(make_map(np.ones((4, 5))), depth=values)
+    message = rf"m, got {re.escape(str(depth))} at \[2, 3\]: an empty pixel has depth 0"
+    with pytest.raises(InputError, match=message):
+        dw.filters.apply(bad, dw.filters.best())
 
 
 @pytest.mark.parametrize(
@@ -270,6 +325,15 @@ def test_what_is_no_filter_is_refused(item, message):
         dw.filters.apply(make_map(np.ones((4, 5))), chain)
     with pytest.raises(InputError, match=expected):
         dw.filters.check_filters(chain)
+
+
+@pytest.mark.parametrize("scratch", [math.nan, math.inf, -1])
+def test_working_memory_that_is_none_is_refused(scratch):
+    """It says how many views are filtered together."""
+    one = NoBuild()
+    one.scratch_bytes, one.build = scratch, lambda maps: None
+    with pytest.raises(InputError, match=r"^filters\[0\] must have scratch_bytes from 0 on"):
+        dw.filters.apply(make_map(np.ones((4, 5))), [one])
 
 
 def test_a_filter_by_itself_is_no_list():

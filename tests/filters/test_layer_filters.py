@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import depthwarp as dw
 from depthwarp.errors import CapacityError, InputError
+from depthwarp.filters.chain import build_steps
 from depthwarp.filters.maps import DeviceMaps, device_grids
 from depthwarp.filters.pyramid import check_cells
 from tests.filters.maps import arrays_of, assert_maps, layered_maps, make_map, sparse
@@ -165,7 +166,7 @@ def test_companions_decide_where_a_pixel_alone_does_not(device):
     assert not is_gone([(46, 46), (46, 50), (50, 46), (50, 50)])
 
 
-def test_one_stray_point_erases_nothing_else(device):
+def test_one_stray_point_erases_nothing(device):
     """1 m before a wall of which a fifth of the pixels was measured."""
     wall = sparse(make_map(np.full((120, 160), 5.0)), 0.2)
     depth = wall.depth.copy()
@@ -288,37 +289,46 @@ def test_a_full_turn_goes_round(device):
 # --- batches, threads, plans ---
 
 
+def batch_on(device: str, maps: list[dw.DepthMap], threads: int) -> DeviceMaps:
+    """Room for a batch of such maps, which `upload` fills."""
+    shape = (len(maps), *maps[0].depth.shape)
+    own = [wp.zeros(shape, dtype, device) for dtype in (wp.float32, wp.int32, wp.uint8)]
+    return DeviceMaps(*own, device_grids([m.camera for m in maps], device), threads=threads)
+
+
+def upload(maps: list[dw.DepthMap], batch: DeviceMaps) -> None:
+    """Write the maps into a batch."""
+    for name in ("depth", "index", "state"):
+        getattr(batch, name).assign(np.stack([getattr(m, name) for m in maps]))
+
+
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_the_result_depends_neither_on_threads_nor_on_the_batch(device, threads):
-    """Three views in one batch: each as it is alone; run twice, the same."""
+    """Three views in one batch, twice other maps and the first again: each as it is alone."""
     rng = np.random.default_rng(5)
-    shape = (180, 240)
-    maps = [
-        sparse(make_map(np.where(rng.random(shape) < 0.5, 2.0, 5.0)), share)
-        for share in (0.02, 0.2, 0.9)
+    frames = [
+        [
+            sparse(make_map(np.where(rng.random((150, 203)) < 0.5, 2.0, 5.0)), share)
+            for share in shares
+        ]
+        for shares in ((0.02, 0.2, 0.9), (0.4, 0.0, 0.03))
     ]
-    methods = [dw.filters.remove_hidden(name) for name in ("surround", "cone", "paper")]
-    fills = [dw.filters.fill(name) for name in ("plane", "nearest", "push_pull")]
+    methods = [
+        dw.filters.remove_hidden(name, keep_depth=keep)
+        for name, keep in (("surround", False), ("surround", True), ("cone", True), ("paper", True))
+    ]
+    fills = [dw.filters.fill(name) for name in ("plane", "plane", "nearest", "push_pull")]
     for chain in zip(methods, fills, strict=True):
-        batch = DeviceMaps(
-            *(
-                wp.array(np.stack([getattr(m, name) for m in maps]), dtype=kind, device=device)
-                for name, kind in (("depth", wp.float32), ("index", wp.int32), ("state", wp.uint8))
-            ),
-            grids=device_grids([m.camera for m in maps], device),
-            threads=threads,
-        )
-        start = [wp.clone(array) for array in (batch.depth, batch.index, batch.state)]
-        steps = [step.build(batch) for step in chain]
-        for _ in range(2):
-            for array, old in zip((batch.depth, batch.index, batch.state), start, strict=True):
-                wp.copy(array, old)
+        batch = batch_on(device, frames[0], threads)
+        steps = build_steps(chain, batch)
+        for maps in (*frames, frames[0]):
+            upload(maps, batch)
             for step in steps:
                 step()
-        for v, single in enumerate(maps):
-            alone = dw.filters.apply(single, chain, device=device)
-            expected = [array.numpy()[v] for array in (batch.depth, batch.index, batch.state)]
-            assert_maps(alone, expected)
+            for v, single in enumerate(maps):
+                alone = dw.filters.apply(single, chain, device=device)
+                expected = [array.numpy()[v] for array in (batch.depth, batch.index, batch.state)]
+                assert_maps(alone, expected)
 
 
 def test_the_chain_in_a_plan_is_that_of_the_finished_map(device):
@@ -425,5 +435,7 @@ def test_whether_the_depth_is_kept_is_true_or_false(method):
 def test_an_image_with_more_cells_than_can_be_counted_is_refused():
     """Where a number of 32 bits ends, before anything is computed."""
     with pytest.raises(CapacityError, match="got 65536 x 65536: render in tiles"):
-        check_cells([(65536, 65536)])
-    check_cells([(30000, 30000)])
+        check_cells([(65536, 65536)], 1)
+    with pytest.raises(CapacityError, match="got 2 of 30000 x 30000: render one after the other"):
+        check_cells([(30000, 30000)], 2)
+    check_cells([(30000, 30000)], 1)
