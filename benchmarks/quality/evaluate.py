@@ -24,7 +24,7 @@ from depthwarp.rendering import RenderConfig, RenderPlan, ViewPlan
 
 __all__ = ["Score", "Shot", "evaluate", "plan_seconds", "shots"]
 
-TIMED_RUNS = 5
+TIMED_RUNS = 21
 
 
 @dataclass(frozen=True, eq=False)
