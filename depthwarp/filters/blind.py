@@ -15,7 +15,7 @@ from depthwarp import arrays
 from depthwarp.cameras import Camera, DepthKind
 from depthwarp.filters.maps import DeviceMaps
 from depthwarp.filters.rows import row_launch
-from depthwarp_kernels.filters_blind import keep_blind, put_back_blind
+from depthwarp_kernels.filters_blind import copy_blind
 from depthwarp_kernels.filters_layers import WORD
 
 __all__ = ["blind_pixels", "device_blind_pixels", "sparing_blind"]
@@ -75,8 +75,8 @@ def sparing_blind(
     own = [maps.depth, maps.index, maps.state]
     kept = [arrays.empty(array.shape, array.dtype, array.device) for array in own]
     size = maps.blind.shape[1:]
-    keep = row_launch(keep_blind, maps, [maps.blind, *own], kept, size)
-    put_back = row_launch(put_back_blind, maps, [maps.blind, *kept], own, size)
+    keep = row_launch(copy_blind, maps, [0, maps.blind, *own], kept, size)
+    put_back = row_launch(copy_blind, maps, [1, maps.blind, *kept], own, size)
     return [part for step in steps for part in (keep, step, put_back)]
 
 
