@@ -86,7 +86,7 @@ def _chosen(
 ) -> list[Chain]:
     for text in texts or ():
         if not any(text in chain.name for chain in found):
-            names = ", ".join(chain.name for chain in found)
+            names = "; ".join(chain.name for chain in found)
             parser.error(f"no chain has {text!r} in its name; there are: {names}")
     return [chain for chain in found if not texts or any(text in chain.name for text in texts)]
 

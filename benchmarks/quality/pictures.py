@@ -88,7 +88,7 @@ def _write(path: Path, title: str, shot: Shot, chains: Sequence[Chain]) -> None:
         counts = removal(shot.raw, made.filtered, shot.label_observed)
         score = errors(made.filled.depth, shot.view.depth, shot.judged, shot.near)
         right = f"filled, {score.within:.1%} within {100 * shot.near:.0f} cm"
-        _draw(row[0], f"left, {_removed(counts)}", _blocks(made.filtered.depth), depth_scale)
+        _draw(row[0], f"kept, {_removed(counts)}", _blocks(made.filtered.depth), depth_scale)
         _draw(row[1], right, _blocks(made.filled.depth), depth_scale)
         row[2].imshow(STATE_COLORS[made.filled.state], interpolation="nearest")
         row[2].set_title("what the pixels are", fontsize=8)

@@ -53,6 +53,11 @@ def _check_filter(number: int, one: Any) -> None:
             f"filters[{number}] must be a filter, got the class {one.__name__}: make one of it, "
             f"{one.__name__}()"
         )
+    if not hasattr(one, "build") and callable(one):
+        name = getattr(one, "__name__", repr(one))
+        raise InputError(
+            f"filters[{number}] must be a filter, got the function {name}: call it, {name}()"
+        )
     scratch: Any = getattr(one, "scratch_bytes", None)
     has_number = is_number(scratch)
     if not has_number or not callable(getattr(one, "build", None)):

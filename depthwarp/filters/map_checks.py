@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
+from depthwarp.cameras import Camera, DepthKind
 from depthwarp.depth_map import DepthMap, State
 from depthwarp.depth_maps import DepthMaps
 from depthwarp.errors import InputError
@@ -15,7 +16,7 @@ __all__ = ["KERNEL_TYPES", "check_maps", "kind_of"]
 KERNEL_TYPES = {"depth": np.float32, "index": np.int32, "state": np.uint8}
 """What a filter reads and writes of a depth map, in which type."""
 
-KINDS = {"depth": ("f", "floats"), "index": ("iu", "integers"), "state": ("iu", "integers")}
+KINDS = {"depth": ("f", "floats [m]"), "index": ("iu", "integers"), "state": ("iu", "integers")}
 """Which types of NumPy it may come in, and in words."""
 
 LEAST_DEPTH, LARGEST_DEPTH = 1e-30, 1e30
@@ -45,6 +46,15 @@ def check_maps(maps: DepthMap | DepthMaps) -> list[DepthMap]:
 
 
 def _check_map(depth_map: DepthMap, label: str) -> None:
+    if not isinstance(depth_map, DepthMap):
+        raise InputError(f"{label}must be a dw.DepthMap, got {kind_of(depth_map)}")
+    if not isinstance(depth_map.camera, Camera):
+        raise InputError(f"{label}camera must be a camera, got {kind_of(depth_map.camera)}")
+    if depth_map.kind not in get_args(DepthKind):
+        raise InputError(
+            f"{label}kind must be one of {', '.join(map(repr, get_args(DepthKind)))}, got "
+            f"{depth_map.kind!r}"
+        )
     width, height = depth_map.camera.size
     for name, (kinds, words) in KINDS.items():
         values = getattr(depth_map, name)
@@ -61,8 +71,8 @@ def _check_map(depth_map: DepthMap, label: str) -> None:
     for row, column in np.argwhere(~fits).tolist():
         raise InputError(
             f"{label}depth must be 0 or from {LEAST_DEPTH:g} to {LARGEST_DEPTH:g} m, got "
-            f"{depth[row, column]} at [{row}, {column}]: an empty pixel has depth 0, index -1 and "
-            "State.EMPTY"
+            f"{depth[row, column]:g} at [{row}, {column}]: an empty pixel has depth 0, index -1 "
+            "and State.EMPTY"
         )
     most = np.iinfo(np.int32).max
     for row, column in np.argwhere((index < -1) | (index > most)).tolist():

@@ -216,9 +216,9 @@ def test_maps_of_another_size_are_refused(name):
 @pytest.mark.parametrize(
     ("name", "dtype", "message"),
     [
-        ("depth", np.int32, "^depth must be an array of floats, got int32$"),
-        ("depth", np.complex64, "^depth must be an array of floats, got complex64$"),
-        ("depth", "U3", "^depth must be an array of floats, got <U3$"),
+        ("depth", np.int32, r"^depth must be an array of floats \[m\], got int32$"),
+        ("depth", np.complex64, r"^depth must be an array of floats \[m\], got complex64$"),
+        ("depth", "U3", r"^depth must be an array of floats \[m\], got <U3$"),
         ("index", np.float64, "^index must be an array of integers, got float64$"),
         ("state", np.float32, "^state must be an array of integers, got float32$"),
         ("state", bool, "^state must be an array of integers, got bool$"),
@@ -229,6 +229,22 @@ def test_arrays_of_another_kind_are_refused(name, dtype, message):
     good = make_map(np.ones((4, 5)))
     with pytest.raises(InputError, match=message):
         dw.filters.apply(replace(good, **{name: getattr(good, name).astype(dtype)}), [])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("camera", None, "^camera must be a camera, got None$"),
+        ("kind", "depth", "^kind must be one of 'range', 'z', got 'depth'$"),
+    ],
+)
+def test_maps_that_say_nothing_of_their_lens_are_refused(name, value, message):
+    """Filters need to know it; in a batch the message names the view."""
+    bad = replace(make_map(np.ones((4, 5))), **{name: value})
+    with pytest.raises(InputError, match=message):
+        dw.filters.apply(bad, [])
+    with pytest.raises(InputError, match="^view 1: must be a dw.DepthMap, got int$"):
+        dw.filters.apply(dw.DepthMaps([make_map(np.ones((4, 5))), 7]), [])
 
 
 @pytest.mark.parametrize("index", [1 << 31, (1 << 32) - 1, -2])
@@ -266,7 +282,7 @@ def test_what_is_no_depth_is_refused(depth):
     values = np.ones((4, 5))
     values[2, 3] = depth
     bad = replace(make_map(np.ones((4, 5))), depth=values)
-    message = rf"m, got {re.escape(str(depth))} at \[2, 3\]: an empty pixel has depth 0"
+    message = rf"m, got {re.escape(f'{depth:g}')} at \[2, 3\]: an empty pixel has depth 0"
     with pytest.raises(InputError, match=message):
         dw.filters.apply(bad, dw.filters.best())
 
@@ -308,6 +324,7 @@ class NoScratch:
     ("item", "message"),
     [
         (dw.filters.PlaneFill, r"got the class PlaneFill: make one of it, PlaneFill\(\)"),
+        (dw.filters.fill, r"got the function fill: call it, fill\(\)$"),
         (NoBuild(), "got .*NoBuild.* which has no method build: .*dw.filters.Filter"),
         (NoScratch(), "got .*NoScratch.* which has no number scratch_bytes: .*dw.filters.Filter"),
         ("best", "got 'best', which has no number scratch_bytes"),

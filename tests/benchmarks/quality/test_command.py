@@ -40,7 +40,7 @@ def test_one_case_from_table_to_picture(tmp_path: Path, capsys):
         (["--points", "10"], "at least 1000"),
         (["--device", "toaster"], "toaster"),
         (["--json", "no/such/folder/scores.jsonl"], "no/such/folder"),
-        (["--chain", "best", "bst"], "no chain has 'bst' in its name; there are: raw splat,"),
+        (["--chain", "best", "bst"], "no chain has 'bst' in its name; there are: raw splat;"),
     ],
 )
 def test_bad_options_are_refused(capsys, options, says):
