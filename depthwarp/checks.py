@@ -84,10 +84,10 @@ def check_size(size: Sequence[int]) -> tuple[int, int]:
     return width, height
 
 
-def check_window(name: str, side: int) -> int:
-    """Return the side of a square window [px], a whole number from 1 to `MAX_SIDE`."""
-    if not is_number(side) or not _is_whole(side) or not 1 <= side <= MAX_SIDE:
-        raise InputError(f"{name} must be a whole number from 1 to {MAX_SIDE} pixels, got {side}")
+def check_window(name: str, side: int, most: int = MAX_SIDE) -> int:
+    """Return the side or radius of a window [px], a whole number from 1 to `most`."""
+    if not is_number(side) or not _is_whole(side) or not 1 <= side <= most:
+        raise InputError(f"{name} must be a whole number from 1 to {most} pixels, got {side}")
     return int(side)
 
 

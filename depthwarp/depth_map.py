@@ -32,8 +32,7 @@ class State(IntEnum):
             pixel. Fills do so where nothing was measured, a dilation everywhere.
         ERASED: A filter took the point that fell here for one seen through a gap, and emptied the
             pixel; or left its depth on request, which then counts as empty for later filters.
-        FILLED_BORDER: A filter wrote the depth of the nearest pixel of a surface that ends here or
-            beside here.
+        FILLED_BORDER: A filter continued a surface that ends here or beside here.
     """
 
     EMPTY = 0

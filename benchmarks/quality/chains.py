@@ -102,9 +102,9 @@ def _paper(side: int, method: Literal["paper", "nearest"], device: str) -> Chain
     return library_chain("", [erase], [dw.filters.dilate(method, side=10)], device)
 
 
-def _best(device: str) -> Chain:
+def _best(device: str, *more: Filter) -> Chain:
     hide, *fill = dw.filters.best()
-    return library_chain("", [hide], fill, device)
+    return library_chain("", [hide], [*fill, *more], device)
 
 
 _MAKERS: dict[str, Callable[[str], Chain]] = {
@@ -123,9 +123,7 @@ _MAKERS: dict[str, Callable[[str], Chain]] = {
     "best + push-pull": lambda device: library_chain(
         "", dw.filters.best()[:1], [dw.filters.fill("push_pull")], device
     ),
-    "best, then push-pull": lambda device: library_chain(
-        "", dw.filters.best()[:1], [dw.filters.fill("plane"), dw.filters.fill("push_pull")], device
-    ),
+    "best, then push-pull": lambda device: _best(device, dw.filters.fill("push_pull")),
     "best": _best,
     "bound + nearest": lambda device: Chain("", None, peers.nearest(10), is_bound=True),
     "bound + best's fill": lambda device: Chain("", None, _best(device).fill, is_bound=True),

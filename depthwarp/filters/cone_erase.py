@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import warp as wp
 
 from depthwarp import arrays
-from depthwarp.checks import check_positive
+from depthwarp.checks import check_positive, check_window
 from depthwarp.errors import InputError
 from depthwarp.filters.maps import DeviceMaps
-from depthwarp.filters.options import check_reach, check_truth
+from depthwarp.filters.options import check_truth
 from depthwarp.filters.rows import row_launch
 from depthwarp.filters.sectors import device_sectors
 from depthwarp_kernels.filters_cone import REACH, copy_present, erase_by_cone
@@ -44,7 +44,7 @@ class ConeErase:
     margin = 0.02
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", check_reach("radius", self.radius, REACH))
+        object.__setattr__(self, "radius", check_window("radius", self.radius, REACH))
         check_positive("angle", self.angle, "degrees")
         if self.angle >= 90:
             raise InputError(f"angle must be below 90 degrees, got {self.angle}")

@@ -7,6 +7,7 @@ from typing import Any, get_args
 import numpy as np
 
 from depthwarp.cameras import Camera, DepthKind
+from depthwarp.checks import check_choice
 from depthwarp.depth_map import DepthMap, State
 from depthwarp.depth_maps import DepthMaps
 from depthwarp.errors import InputError
@@ -50,11 +51,7 @@ def _check_map(depth_map: DepthMap, label: str) -> None:
         raise InputError(f"{label}must be a dw.DepthMap, got {kind_of(depth_map)}")
     if not isinstance(depth_map.camera, Camera):
         raise InputError(f"{label}camera must be a camera, got {kind_of(depth_map.camera)}")
-    if depth_map.kind not in get_args(DepthKind):
-        raise InputError(
-            f"{label}kind must be one of {', '.join(map(repr, get_args(DepthKind)))}, got "
-            f"{depth_map.kind!r}"
-        )
+    check_choice(f"{label}kind", depth_map.kind, get_args(DepthKind))
     width, height = depth_map.camera.size
     for name, (kinds, words) in KINDS.items():
         values = getattr(depth_map, name)

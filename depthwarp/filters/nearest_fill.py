@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import warp as wp
 
 from depthwarp import arrays
+from depthwarp.checks import check_window
 from depthwarp.filters.maps import DeviceMaps
-from depthwarp.filters.options import check_reach
 from depthwarp.filters.rows import row_launch
 from depthwarp_kernels.filters_nearest import fill_nearest, nearest_in_column
 
@@ -35,7 +35,7 @@ class NearestFill:
     scratch_bytes = 4
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", check_reach("radius", self.radius, FARTHEST))
+        object.__setattr__(self, "radius", check_window("radius", self.radius, FARTHEST))
 
     def build(self, maps: DeviceMaps) -> Callable[[], None]:
         """Allocate the columns' nearest rows and return the step; see `Filter.build`."""

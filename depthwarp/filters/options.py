@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from depthwarp.checks import is_number
 from depthwarp.errors import InputError
 
-__all__ = ["check_options", "check_reach", "check_truth"]
+__all__ = ["check_options", "check_truth"]
 
 
 def check_options(method: str, given: dict[str, Any], known: tuple[str, ...]) -> dict[str, Any]:
@@ -24,13 +23,6 @@ def check_options(method: str, given: dict[str, Any], known: tuple[str, ...]) ->
             there = f"its options are {', '.join(known)}" if known else "it has no options"
             raise InputError(f"method '{method}' has no {name}: {there}")
     return options
-
-
-def check_reach(name: str, value: int, most: int) -> int:
-    """Return how far a filter looks [px], a whole number from 1 to `most`."""
-    if not is_number(value) or not 1 <= value <= most or value != int(value):
-        raise InputError(f"{name} must be a whole number from 1 to {most} pixels, got {value!r}")
-    return int(value)
 
 
 def check_truth(name: str, value: bool) -> bool:

@@ -12,9 +12,9 @@ import warp as wp
 
 from depthwarp.depth_map import DepthMap, RenderStats
 from depthwarp.filters import DeviceMaps
-from depthwarp.filters.blind import blind_pixels
+from depthwarp.filters.blind import blind_pixels, device_blind_pixels
 from depthwarp.filters.chain import build_steps
-from depthwarp.filters.maps import pixel_grids
+from depthwarp.filters.maps import device_grids, pixel_grids
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.views import DeviceViews, ViewPlan
 from depthwarp_kernels import poses as pose_kernels
@@ -63,6 +63,15 @@ class LookingPlan:
         if self.maps.grids is not None:
             self.maps.grids.assign(pixel_grids(self._cameras))
             self._spare_blind(blind_pixels(self._cameras, self._config.depth))
+
+    def _lens_arrays(self) -> dict[str, Any]:
+        """What filters know of the lenses, as of `DeviceMaps`; nothing without filters."""
+        if not self._config.filters:
+            return {}
+        return {
+            "grids": device_grids(self._cameras, self._device),
+            "blind": device_blind_pixels(self._cameras, self._config.depth, self._device),
+        }
 
     def _spare_blind(self, blind: npt.NDArray[np.uint32] | None) -> None:
         """Let the filters spare the pixels for which other lenses have no ray."""

@@ -12,9 +12,7 @@ from depthwarp.depth_map import DepthMap, RenderStats
 from depthwarp.devices import check_memory
 from depthwarp.errors import InputError
 from depthwarp.filters import DeviceMaps
-from depthwarp.filters.blind import device_blind_pixels
 from depthwarp.filters.chain import build_steps
-from depthwarp.filters.maps import device_grids
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.looking import NO_INDEX, LookingPlan, stats_of
 from depthwarp.rendering.points import Points, points_of
@@ -69,17 +67,12 @@ class RenderPlan(LookingPlan):
         self._splatter = splatter_of(
             self._views, config, device, with_index=with_index, threads=threads
         )
-        grids = blind = None
-        if config.filters:
-            grids = device_grids(self._cameras, device)
-            blind = device_blind_pixels(self._cameras, config.depth, device)
         self.maps = DeviceMaps(
             depth=arrays.empty(shape, wp.float32, device),
             index=arrays.empty(shape, wp.int32, device) if with_index else None,
             state=arrays.empty(shape, wp.uint8, device),
-            grids=grids,
-            blind=blind,
             threads=threads,
+            **self._lens_arrays(),
         )
         self._flat = [
             array.reshape((len(views), width * height))

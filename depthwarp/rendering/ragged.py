@@ -13,9 +13,7 @@ from depthwarp.depth_map import DepthMap, State
 from depthwarp.devices import check_memory, usable_cores
 from depthwarp.errors import InputError
 from depthwarp.filters import DeviceMaps
-from depthwarp.filters.blind import device_blind_pixels
 from depthwarp.filters.chain import build_steps
-from depthwarp.filters.maps import device_grids
 from depthwarp.prepared import PreparedCloud
 from depthwarp.rendering.config import RenderConfig
 from depthwarp.rendering.looking import NO_INDEX, LookingPlan, stats_of
@@ -89,11 +87,7 @@ class RaggedPlan(LookingPlan):
             name: arrays.zeros(shape, OUTPUTS[name], device) if name in written else None
             for name in OUTPUTS
         }
-        grids = blind = None
-        if config.filters:
-            grids = device_grids(self._cameras, device)
-            blind = device_blind_pixels(self._cameras, config.depth, device)
-        self.maps = DeviceMaps(**own, grids=grids, blind=blind, threads=threads)
+        self.maps = DeviceMaps(**own, threads=threads, **self._lens_arrays())
         flat = [
             arrays.zeros((1, 1), OUTPUTS[name], device)  # kernels take no empty array
             if array is None

@@ -5,7 +5,7 @@ They are looked for among the bits of present pixels, 32 a word, so that gaps co
 
 import warp as wp
 
-from depthwarp_kernels.filters_layers import WORD, lowest_bit
+from depthwarp_kernels.filters_layers import WORD, PixelGrid, lowest_bit, pitch
 from depthwarp_kernels.options import EXACT
 
 wp.set_module_options(EXACT)
@@ -93,17 +93,17 @@ def is_companion(depth: wp.float32, own: wp.float32, slope: wp.float32, ring: wp
 def nearest_companions(
     depth: wp.array3d[wp.float32],
     words: wp.array3d[wp.uint32],
+    grid: PixelGrid,
     v: wp.int32,
     row: wp.int32,
     column: wp.int32,
     reach: wp.int32,
-    wraps: wp.int32,
-    own: wp.float32,
-    slope: wp.float32,
 ):
     """The four nearest companions; the last one's ring is above `reach` if there are fewer."""
     rows = depth.shape[1]
     columns = depth.shape[2]
+    own = depth[v, row, column]
+    slope = LAYER_SLOPE * pitch(grid, own)
     none = (reach + 1) << 16
     four = wp.vec4i(none, none, none, none)
     for k in range(2 * reach + 1):
@@ -113,7 +113,7 @@ def nearest_companions(
             break
         r = wp.where(k & 1 != 0, row - away, row + away)
         if r >= 0 and r < rows:
-            for turn in range(-wraps, wraps + 1):
+            for turn in range(-grid.wraps, grid.wraps + 1):
                 middle = column + turn * columns
                 first = wp.max(middle - most, 0)
                 last = wp.min(middle + most, columns - 1)
@@ -156,18 +156,18 @@ def line_through(four: wp.vec4i):
 def ring_across(
     depth: wp.array3d[wp.float32],
     words: wp.array3d[wp.uint32],
+    grid: PixelGrid,
     v: wp.int32,
     row: wp.int32,
     column: wp.int32,
     reach: wp.int32,
-    wraps: wp.int32,
-    own: wp.float32,
-    slope: wp.float32,
     line: wp.vec2f,
 ):
     """The ring that holds companions on both sides of a line; above `reach` if there is none."""
     rows = depth.shape[1]
     columns = depth.shape[2]
+    own = depth[v, row, column]
+    slope = LAYER_SLOPE * pitch(grid, own)
     sides = wp.vec2i(reach + 1, reach + 1)
     for k in range(2 * reach + 1):
         away = (k + 1) >> 1
@@ -176,7 +176,7 @@ def ring_across(
             break
         r = wp.where(k & 1 != 0, row - away, row + away)
         if r >= 0 and r < rows:
-            for turn in range(-wraps, wraps + 1):
+            for turn in range(-grid.wraps, grid.wraps + 1):
                 middle = column + turn * columns
                 first = wp.max(middle - most, 0)
                 last = wp.min(middle + most, columns - 1)

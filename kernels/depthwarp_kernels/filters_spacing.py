@@ -9,7 +9,6 @@ of all views counted on.
 import warp as wp
 
 from depthwarp_kernels.filters_companions import (
-    LAYER_SLOPE,
     is_any_near,
     line_through,
     nearest_companions,
@@ -21,7 +20,6 @@ from depthwarp_kernels.filters_layers import (
     WORD,
     PixelGrid,
     is_present,
-    pitch,
     spacing_bits_of,
     spacing_in,
 )
@@ -90,14 +88,12 @@ def spacing_bits_at(
     extents: wp.int32,
 ):
     """Spacing bits of a present pixel; without extents its spacing alone."""
-    own = depth[v, row, column]
-    slope = LAYER_SLOPE * pitch(grid, own)
     is_sparse = wp.bit_count(words[v, row, column // WORD]) <= SPARSE_BITS
     reach = wp.where(is_sparse, FIRST_REACH * REACH_FACTOR, FIRST_REACH)
-    four = nearest_companions(depth, words, v, row, column, reach, grid.wraps, own, slope)
+    four = nearest_companions(depth, words, grid, v, row, column, reach)
     while ring_of(four[3]) > reach and reach < FARTHEST_RING:
         reach = reach * REACH_FACTOR
-        four = nearest_companions(depth, words, v, row, column, reach, grid.wraps, own, slope)
+        four = nearest_companions(depth, words, grid, v, row, column, reach)
     spacing = wp.where(ring_of(four[3]) > reach, NO_RING, ring_of(four[3]))
     if extents == 0:
         return spacing
@@ -108,9 +104,7 @@ def spacing_bits_at(
         return spacing_bits_of(spacing, 4 * spacing)
     across = int(FARTHEST_ROW + 1)
     if spacing <= FARTHEST_ROW:  # rows are farther apart than the companions along a line
-        across = ring_across(
-            depth, words, v, row, column, FARTHEST_ROW, grid.wraps, own, slope, line
-        )
+        across = ring_across(depth, words, grid, v, row, column, FARTHEST_ROW, line)
     if across <= FARTHEST_ROW:
         return spacing_bits_of(spacing, 4 * across)
     return spacing_bits_of(spacing, LINE_QUARTERS * spacing) | ALONG_LINE

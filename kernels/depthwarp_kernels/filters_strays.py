@@ -7,7 +7,6 @@ front of surfaces or between them, alone. Kernels take `first_row`: rows of all 
 import warp as wp
 
 from depthwarp_kernels.filters_companions import (
-    LAYER_SLOPE,
     bits_between,
     nearest_companions,
     ring_of,
@@ -17,7 +16,6 @@ from depthwarp_kernels.filters_layers import (
     PixelGrid,
     is_along_line,
     lowest_bit,
-    pitch,
     spacing_in,
 )
 from depthwarp_kernels.filters_spacing import FARTHEST_RING
@@ -74,9 +72,7 @@ def is_stray(
         return False  # below 3 px, 3 x 3 pixels are no crowd
     if count_near(words, hidden, v, row, column, columns, spacing - 1, grid.wraps) <= CROWD:
         return False
-    own = depth[v, row, column]
-    slope = LAYER_SLOPE * pitch(grid, own)
-    four = nearest_companions(depth, words, v, row, column, spacing, grid.wraps, own, slope)
+    four = nearest_companions(depth, words, grid, v, row, column, spacing)
     reach = ring_of(four[0]) - 1
     return count_near(words, hidden, v, row, column, columns, reach, grid.wraps) > CROWD
 

@@ -7,7 +7,6 @@ of all views counted on.
 import warp as wp
 
 from depthwarp_kernels.filters_companions import (
-    LAYER_SLOPE,
     down_of,
     is_any_near,
     nearest_companions,
@@ -267,11 +266,7 @@ def mark_hidden(
         if bits > 0:
             reach = wp.min(spacing_in(bits), FARTHEST_RING)
             if is_any_near(doubtful, v, row, column, columns, reach, grid.wraps):
-                own = depth[v, row, column]
-                slope = LAYER_SLOPE * pitch(grid, own)
-                four = nearest_companions(
-                    depth, words, v, row, column, reach, grid.wraps, own, slope
-                )
+                four = nearest_companions(depth, words, grid, v, row, column, reach)
                 if mean_freedom(freedom, four, reach, v, row, column) < SEEN:
                     hidden = hidden | (wp.uint32(1) << wp.uint32(column % WORD))
     wp.atomic_or(hidden_out, v, row, run * RUN // WORD, hidden)
