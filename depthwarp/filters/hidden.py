@@ -32,9 +32,8 @@ def remove_hidden(
         method: `"surround"`: a pixel goes if it lies in the gaps of nearer surfaces, which stand
             round it on all sides, or is a stray; needs no setting; see `SurroundErase`.
             `"cone"`: a pixel goes if it sees too little of what lies towards the camera; see
-            `ConeErase`. `"paper"`:
-            section 3.4, with "a neighbourhood area of 10 px" read as a window of side 10; `side=21`
-            is the other reading (a radius of 10); see `PaperErase`.
+            `ConeErase`. `"paper"`: section 3.4, with "a neighbourhood area of 10 px" read as a
+            window of side 10; `side=21` is the other reading (a radius of 10); see `PaperErase`.
         side: Of `"paper"`: side of the square window [px]; 10 when None.
         threshold: Of `"paper"`: depth difference above which the farther pixel is erased [m]; 0.5
             when None.

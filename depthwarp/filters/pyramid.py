@@ -11,9 +11,9 @@ from depthwarp import arrays
 from depthwarp.errors import CapacityError
 from depthwarp.filters.maps import DeviceMaps
 from depthwarp.filters.rows import row_launch
-from depthwarp_kernels import filters_layers as layers
 from depthwarp_kernels import filters_spacing as spacings
-from depthwarp_kernels.filters_layers import WORD
+from depthwarp_kernels.filters_layers import EMPTY_CELL, LEVELS, WORD
+from depthwarp_kernels.filters_pyramid import fill_first_levels, fill_next_levels
 
 __all__ = ["PYRAMID_BYTES", "Pyramid", "check_cells", "level_sizes"]
 
@@ -41,7 +41,7 @@ class Pyramid:
         self._maps = maps
         depth, device = maps.depth, maps.depth.device
         views, rows, columns = depth.shape
-        self._sizes = level_sizes(rows, columns, layers.LEVELS)
+        self._sizes = level_sizes(rows, columns, LEVELS)
         check_cells(self._sizes, views)
         self.words = arrays.empty((views, rows, -(-columns // WORD)), wp.uint32, device)
         self.spacing = arrays.empty(depth.shape, wp.uint16, device)
@@ -86,18 +86,18 @@ class Pyramid:
             _launch(spacings.sum_counts, counts.shape, [self._row_counts], [counts], device),
             _launch(spacings.find_limit, limit.shape, [counts], [limit], device),
             row_launch(
-                layers.fill_first_levels,
+                fill_first_levels,
                 maps,
                 [maps.depth, self.words, self.spacing, limit, int(extents)],
                 [self.cells],
                 (sizes[1][0], self.words.shape[2]),
             ),
-            row_launch(layers.fill_next_levels, maps, [*sizes[0]], [self.cells], sizes[-1]),
+            row_launch(fill_next_levels, maps, [*sizes[0]], [self.cells], sizes[-1]),
         ]
 
         def build() -> None:
             self._row_counts.zero_()
-            self.cells.fill_(layers.EMPTY_CELL)
+            self.cells.fill_(EMPTY_CELL)
             for launch in launches:
                 launch()
 

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import warp as wp
 from hypothesis import strategies as st
 
 import depthwarp as dw
+from depthwarp.filters.maps import DeviceMaps, device_grids
+from tests.reference.layers import Grid
 from tests.rendering.strategies import seeds
+
+MAPS = {"depth": wp.float32, "index": wp.int32, "state": wp.uint8}
 
 SHAPES = st.one_of(
     st.sampled_from([(1, 1), (1, 19), (23, 1), (2, 2), (16, 33), (6, 70), (4, 107)]),
@@ -38,6 +43,22 @@ def assert_maps(depth_map: dw.DepthMap, expected) -> None:
     """The same depth bits, winners and states."""
     for ours, theirs in zip(arrays_of(depth_map), expected, strict=True):
         np.testing.assert_array_equal(ours, theirs)
+
+
+def stacked(maps: list[dw.DepthMap], name: str) -> np.ndarray:
+    """One of the three maps, of all views."""
+    return np.stack([getattr(one, name) for one in maps])
+
+
+def device_maps(maps: list[dw.DepthMap], device: str, threads: int | None = None) -> DeviceMaps:
+    """A batch of maps on the device."""
+    own = [wp.array(stacked(maps, name), dtype=kind, device=device) for name, kind in MAPS.items()]
+    return DeviceMaps(*own, device_grids([one.camera for one in maps], device), threads=threads)
+
+
+def grid_of(depth_map: dw.DepthMap) -> Grid:
+    """What the loops know of the camera."""
+    return Grid(*depth_map.camera.pixel_pitch, wraps=depth_map.camera.wraps)
 
 
 def sparse(depth_map: dw.DepthMap, share: float) -> dw.DepthMap:

@@ -7,26 +7,16 @@ import pytest
 import warp as wp
 
 import depthwarp as dw
-from depthwarp.filters.maps import DeviceMaps, device_grids
 from depthwarp.filters.pyramid import Pyramid
-from tests.filters.maps import make_map
+from tests.filters.maps import device_maps, make_map
 from tests.reference.layers import Grid, Spacing, spacing_of
 
 SHAPE = (40, 107)
 
 
-def device_maps(depth_map: dw.DepthMap, device: str) -> DeviceMaps:
-    """A map on the device."""
-    arrays = [
-        wp.array(getattr(depth_map, name)[None], dtype=kind, device=device)
-        for name, kind in (("depth", wp.float32), ("index", wp.int32), ("state", wp.uint8))
-    ]
-    return DeviceMaps(*arrays, grids=device_grids([depth_map.camera], device))
-
-
 def spacing_bits(depth_map: dw.DepthMap, device: str, *, extents: bool = True) -> np.ndarray:
     """What the kernels find."""
-    pyramid = Pyramid(device_maps(depth_map, device))
+    pyramid = Pyramid(device_maps([depth_map], device))
     pyramid.reading(extents=extents)()
     return pyramid.spacing.numpy()[0].astype(int)
 
@@ -89,12 +79,12 @@ def test_what_is_renewed_after_erasing_is_what_is_found_anew(device, share):
     bits.reshape(SHAPE[0], -1)[:, : SHAPE[1]] = gone & (before.depth > 0)
     erased = np.packbits(bits, axis=-1, bitorder="little").view(np.uint32)[None, ..., 0]
 
-    pyramid = Pyramid(device_maps(before, device))
+    pyramid = Pyramid(device_maps([before], device))
     pyramid.reading(extents=True)()
     wp.copy(pyramid.words, wp.array(pyramid.words.numpy() & ~erased, device=device))
     pyramid.leaving_out(wp.array(erased, dtype=wp.uint32, device=device))()
     after, _ = turned(np.where(gone, 0, before.depth))
-    anew = Pyramid(device_maps(after, device))
+    anew = Pyramid(device_maps([after], device))
     anew.reading(extents=False)()
     np.testing.assert_array_equal(pyramid.spacing.numpy(), anew.spacing.numpy())
     np.testing.assert_array_equal(pyramid.cells.numpy(), anew.cells.numpy())
